@@ -1,0 +1,11 @@
+//! The FIPA encodings: messages and envelopes to bytes and back.
+//!
+//! **Knows** every octet of the representations (SC00069G, SC00088D) and the decisions where
+//! peers differ. **Never knows** a runtime, socket, clock or logger, nor what a message means.
+
+pub mod bit_efficient;
+mod error;
+mod limits;
+
+pub use error::{DecodeError, EncodeError, Fault};
+pub use limits::Limits;

@@ -1,0 +1,3 @@
+//! The directory of agents.
+mod instance;
+pub use instance::{InstanceId, ParseInstanceIdError};
