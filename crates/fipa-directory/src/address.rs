@@ -1,0 +1,110 @@
+use std::fmt;
+use std::str::FromStr;
+
+use fipa_acl::Text;
+
+/// A transport address: where a message transport service listens.
+///
+/// `tcp://HOST:PORT` (HOST a name, an IPv4 address or an IPv6 address in brackets), or
+/// `unix://PATH` for a socket on this machine.
+///
+/// ```
+/// use fipa_directory::Address;
+/// let address: Address = "tcp://[::1]:4100".parse().unwrap();
+/// assert!(address.is_loopback());
+/// assert!("tcp://robot1".parse::<Address>().is_err());
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Address {
+    /// A TCP endpoint.
+    Tcp {
+        /// Name or IP address, without brackets.
+        host: String,
+        /// 0 stands for a free port where one listens.
+        port: u16,
+    },
+    /// A Unix socket.
+    Unix(String),
+}
+
+/// The text is not an address that can be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParseAddressError {
+    /// There is no `HOST:PORT`.
+    #[error("{0:?} is not HOST:PORT; an address is like tcp://192.168.1.5:4100")]
+    Shape(String),
+    /// The scheme is none of those that are built in.
+    #[error("{0:?} is no transport of this program; there are tcp:// and unix://")]
+    Scheme(String),
+}
+
+impl Address {
+    /// A TCP endpoint.
+    pub fn tcp(host: impl Into<String>, port: u16) -> Address {
+        Address::Tcp {
+            host: host.into(),
+            port,
+        }
+    }
+
+    /// Whether it can be reached from this machine only.
+    pub fn is_loopback(&self) -> bool {
+        match self {
+            Address::Unix(_) => true,
+            Address::Tcp { host, .. } => {
+                host == "localhost"
+                    || host
+                        .parse::<std::net::IpAddr>()
+                        .is_ok_and(|ip| ip.is_loopback())
+            }
+        }
+    }
+
+    /// The address as text that entries and receipts carry.
+    pub fn to_text(&self) -> Text {
+        Text::from(self.to_string())
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Address::Tcp { host, port } if host.contains(':') => write!(f, "tcp://[{host}]:{port}"),
+            Address::Tcp { host, port } => write!(f, "tcp://{host}:{port}"),
+            Address::Unix(path) => write!(f, "unix://{path}"),
+        }
+    }
+}
+
+impl FromStr for Address {
+    type Err = ParseAddressError;
+
+    /// Reads an address; a bare `HOST:PORT` means TCP.
+    fn from_str(text: &str) -> Result<Address, ParseAddressError> {
+        let shape = || ParseAddressError::Shape(text.to_owned());
+        match text.split_once("://") {
+            Some(("unix", "")) => Err(shape()),
+            Some(("unix", path)) => Ok(Address::Unix(path.to_owned())),
+            Some(("tcp", authority)) => tcp(authority).ok_or_else(shape),
+            Some((scheme, _)) => Err(ParseAddressError::Scheme(format!("{scheme}://"))),
+            None => tcp(text).ok_or_else(shape),
+        }
+    }
+}
+
+fn tcp(authority: &str) -> Option<Address> {
+    let (host, port) = authority.rsplit_once(':')?;
+    let host = match host.strip_prefix('[') {
+        Some(bracketed) => bracketed.strip_suffix(']')?,
+        None if host.contains(':') => return None,
+        None => host,
+    };
+    if host.is_empty() || host.contains(['/', '@', ' ']) {
+        return None;
+    }
+    if port.is_empty() || !port.bytes().all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    Some(Address::tcp(host, port.parse().ok()?))
+}

@@ -1,0 +1,260 @@
+//! Discovery by multicast DNS; the only place that knows `mdns-sd`.
+mod announce;
+mod heard;
+mod peers;
+mod start;
+mod txt;
+
+use std::collections::VecDeque;
+use std::future::pending;
+use std::time::Duration;
+
+use fipa_directory::InstanceId;
+use mdns_sd::{DaemonEvent, Error, Receiver, ServiceDaemon, ServiceEvent, ServiceInfo};
+use tokio::time::{Instant, sleep, sleep_until, timeout};
+
+use self::announce::SERVICE_TYPE;
+use self::heard::Heard;
+use self::peers::Peers;
+use crate::{DiscoveryEvent, MdnsConfig, MdnsError};
+
+/// How often the own announcement is repeated unless told otherwise.
+const REPEAT_EVERY: Duration = Duration::from_secs(30);
+/// How long those in doubt have to be heard again once the search was begun anew; what `mdns-sd`
+/// still knows it tells at once.
+const DOUBT_FOR: Duration = Duration::from_secs(5);
+/// How long a peer has to answer [`Mdns::verify`]. It is asked at once and one second later.
+const VERIFY_FOR: Duration = Duration::from_secs(3);
+/// How long [`Mdns::shutdown`] may take.
+const SHUTDOWN_WITHIN: Duration = Duration::from_secs(2);
+/// The goodbye is sent a second time after 120 ms; the socket must live until then.
+const SECOND_GOODBYE: Duration = Duration::from_millis(150);
+/// How long to wait before a command is offered again to a full queue.
+const RETRY_PAUSE: Duration = Duration::from_millis(10);
+
+/// A daemon's announcement of itself and its search for others.
+///
+/// The announcement is repeated, and the search renewed where it breaks off, while
+/// [`next`](Mdns::next) is polled. Dropping sends a single goodbye that nobody waits for; use
+/// [`shutdown`](Mdns::shutdown) to be sure of it.
+pub struct Mdns {
+    daemon: Running,
+    service: ServiceInfo,
+    monitor: Receiver<DaemonEvent>,
+    events: Receiver<ServiceEvent>,
+    peers: Peers,
+    queue: VecDeque<DiscoveryEvent>,
+    repeat_every: Duration,
+    repeat_at: Instant,
+    /// When those still in doubt are given up.
+    doubt_until: Option<Instant>,
+    stopped: bool,
+}
+
+impl Mdns {
+    /// Announces the daemon and begins to look for others.
+    ///
+    /// Returns when the announcement was sent, which takes some milliseconds of blocking. Needs
+    /// no runtime.
+    ///
+    /// # Errors
+    ///
+    /// If the configuration is wrong, a selector matches no interface, the UDP port cannot be
+    /// opened, or nothing could be announced anywhere.
+    pub fn start(config: MdnsConfig) -> Result<Mdns, MdnsError> {
+        start::start(config)
+    }
+
+    /// Waits for the next event; `None` once mDNS has stopped for good. Cancel-safe.
+    ///
+    /// Must be called within a tokio runtime with time enabled.
+    pub async fn next(&mut self) -> Option<DiscoveryEvent> {
+        loop {
+            if let Some(event) = self.queue.pop_front() {
+                return Some(event);
+            }
+            if self.stopped {
+                return None;
+            }
+            match self.happening().await {
+                Happening::Service(Ok(event)) => self.on_service_event(event),
+                Happening::Service(Err(_)) => self.search_again().await,
+                Happening::Daemon(Ok(event)) => self.on_daemon_event(event),
+                Happening::Daemon(Err(_)) => self.stopped = true,
+                Happening::RepeatDue => self.repeat(),
+                Happening::DoubtOver => {
+                    self.doubt_until = None;
+                    self.queue.extend(self.peers.drop_doubtful());
+                }
+            }
+        }
+    }
+
+    /// Asks the network whether a peer is still there. If it does not answer within 3 s,
+    /// [`DiscoveryEvent::Lost`] follows; otherwise nothing does.
+    ///
+    /// Call it when a connection to the peer has failed: without a goodbye it takes two minutes
+    /// until the loss is noticed. A living peer whose answers were lost is found again when it
+    /// repeats its announcement.
+    ///
+    /// # Errors
+    ///
+    /// If no such peer is known, or the question could not be asked.
+    pub fn verify(&self, instance: InstanceId) -> Result<(), MdnsError> {
+        let mut asked = Err(MdnsError::UnknownPeer(instance));
+        for fullname in self.peers.fullnames(instance) {
+            self.daemon
+                .0
+                .verify(fullname.to_owned(), VERIFY_FOR)
+                .map_err(refused)?;
+            asked = Ok(());
+        }
+        asked
+    }
+
+    /// Sets how often the own announcement is repeated; without this call every 30 s. Times below
+    /// one second are taken as one second.
+    ///
+    /// The repetition brings this daemon back to those who lost sight of it for a while: they do
+    /// not ask for it again before half an hour has passed.
+    pub fn set_repeat(&mut self, every: Duration) {
+        self.repeat_every = every.max(Duration::from_secs(1));
+        self.repeat_at = Instant::now() + self.repeat_every;
+    }
+
+    /// Says goodbye and waits until it was sent, at most 2 s.
+    ///
+    /// Must be called within a tokio runtime with time enabled.
+    pub async fn shutdown(self) {
+        if timeout(SHUTDOWN_WITHIN, self.say_goodbye()).await.is_err() {
+            tracing::warn!("mDNS did not shut down in time; the goodbye may be missing");
+        }
+    }
+
+    async fn happening(&self) -> Happening {
+        tokio::select! {
+            event = self.events.recv_async() => Happening::Service(event.map_err(|_| Closed)),
+            event = self.monitor.recv_async() => Happening::Daemon(event.map_err(|_| Closed)),
+            () = sleep_until(self.repeat_at) => Happening::RepeatDue,
+            () = reached(self.doubt_until) => Happening::DoubtOver,
+        }
+    }
+
+    fn on_service_event(&mut self, event: ServiceEvent) {
+        match event {
+            ServiceEvent::ServiceResolved(service) => {
+                let now = std::time::Instant::now();
+                self.queue
+                    .extend(self.peers.heard(Heard::new(&service), now));
+            }
+            ServiceEvent::ServiceRemoved(_, fullname) => {
+                self.queue.extend(self.peers.removed(&fullname));
+            }
+            other => tracing::trace!(?other, "mDNS search"),
+        }
+    }
+
+    fn on_daemon_event(&mut self, event: DaemonEvent) {
+        match event {
+            DaemonEvent::Error(error) => self.warn(format!("mDNS: {error}")),
+            DaemonEvent::NameChange(change) => {
+                self.warn(format!(
+                    "mDNS renamed `{}` to `{}`",
+                    change.original, change.new_name
+                ));
+            }
+            other => tracing::trace!(?other, "mDNS"),
+        }
+    }
+
+    /// `mdns-sd` closes the channel of a listener who is slow; what it told meanwhile is lost.
+    async fn search_again(&mut self) {
+        match self.daemon.0.browse(SERVICE_TYPE) {
+            Ok(events) => {
+                self.events = events;
+                self.peers.doubt_all();
+                self.doubt_until = Some(Instant::now() + DOUBT_FOR);
+                self.warn("the mDNS search broke off and was begun anew".to_owned());
+            }
+            // The channel stays closed, so that the next call comes here again.
+            Err(Error::Again) => sleep(RETRY_PAUSE).await,
+            Err(_) => self.stopped = true,
+        }
+    }
+
+    fn repeat(&mut self) {
+        let registered = self.daemon.0.register(self.service.clone());
+        let pause = match &registered {
+            Err(Error::Again) => RETRY_PAUSE,
+            _ => self.repeat_every,
+        };
+        self.repeat_at = Instant::now() + pause;
+        match registered {
+            Ok(()) | Err(Error::Again | Error::DaemonShutdown) => {}
+            Err(error) => self.warn(format!("cannot repeat the mDNS announcement: {error}")),
+        }
+    }
+
+    fn warn(&mut self, text: String) {
+        self.queue.push_back(DiscoveryEvent::Warning(text));
+    }
+
+    async fn say_goodbye(&self) {
+        let fullname = self.service.get_fullname();
+        if let Some(status) = patiently(|| self.daemon.0.unregister(fullname)).await {
+            let _ = status.recv_async().await;
+            sleep(SECOND_GOODBYE).await;
+        }
+        if let Some(status) = patiently(|| self.daemon.0.shutdown()).await {
+            let _ = status.recv_async().await;
+        }
+    }
+}
+
+/// The thread of `mdns-sd`, which does not end by itself when its last handle is dropped.
+struct Running(ServiceDaemon);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // After `shutdown` this fails, as it should.
+        let _ = start::insist(|| self.0.shutdown());
+    }
+}
+
+enum Happening {
+    Service(Result<ServiceEvent, Closed>),
+    Daemon(Result<DaemonEvent, Closed>),
+    RepeatDue,
+    DoubtOver,
+}
+
+struct Closed;
+
+async fn reached(moment: Option<Instant>) {
+    match moment {
+        Some(moment) => sleep_until(moment).await,
+        None => pending().await,
+    }
+}
+
+/// Offers a command until it is taken; `None` if it cannot be.
+async fn patiently<T>(mut command: impl FnMut() -> mdns_sd::Result<T>) -> Option<T> {
+    loop {
+        match command() {
+            Ok(done) => return Some(done),
+            Err(Error::Again) => sleep(RETRY_PAUSE).await,
+            Err(_) => return None,
+        }
+    }
+}
+
+fn refused(error: Error) -> MdnsError {
+    match error {
+        Error::Again => MdnsError::Busy,
+        Error::DaemonShutdown => MdnsError::Stopped,
+        other => MdnsError::Refused(other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests;
