@@ -5,9 +5,9 @@ pub struct Limits {
     pub max_octets: usize,
     /// Resolvers within resolvers, lists within lists.
     pub max_depth: usize,
-    /// Entries of one list: receivers, addresses, parameters.
+    /// Entries of all lists of one input together: receivers, addresses, parameters, items.
     pub max_items: usize,
-    /// Layers of one envelope.
+    /// Layers of one envelope, its base included.
     pub max_layers: usize,
 }
 

@@ -1,0 +1,134 @@
+use bytes::{BufMut, BytesMut};
+use fipa_acl::Text;
+
+use crate::EncodeError;
+
+/// BinWord of SC00069G.
+pub(super) fn write_word(
+    text: &Text,
+    parameter: &'static str,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
+    if !text.is_word() {
+        return Err(EncodeError {
+            parameter,
+            what: "not a word",
+        });
+    }
+    out.put_u8(0x10);
+    out.put_slice(text.as_bytes());
+    out.put_u8(0);
+    Ok(())
+}
+
+/// The name of a user-defined parameter as a BinWord, with the `X-` that marks it.
+pub(super) fn write_user_name(name: &str, out: &mut BytesMut) -> Result<(), EncodeError> {
+    let name = without_prefix(name);
+    let fits = |octet| matches!(octet, 0x21..=0x7f) && !matches!(octet, b'(' | b')');
+    if name.is_empty() || !name.bytes().all(fits) {
+        return Err(EncodeError {
+            parameter: "user-defined",
+            what: "the name is not a word",
+        });
+    }
+    out.put_slice(b"\x10X-");
+    out.put_slice(name.as_bytes());
+    out.put_u8(0);
+    Ok(())
+}
+
+/// A name is kept without its prefix, but its field can be set by anybody.
+pub(super) fn without_prefix(mut name: &str) -> &str {
+    while let Some(shorter) = name.strip_prefix("X-").or_else(|| name.strip_prefix("x-")) {
+        name = shorter;
+    }
+    name
+}
+
+/// BinString of SC00069G with a length in as few octets as will do.
+pub(super) fn write_counted(
+    octets: &[u8],
+    parameter: &'static str,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
+    if let Ok(len) = u8::try_from(octets.len()) {
+        out.put_slice(&[0x16, len]);
+    } else if let Ok(len) = u16::try_from(octets.len()) {
+        out.put_u8(0x17);
+        out.put_u16(len);
+    } else if let Ok(len) = u32::try_from(octets.len()) {
+        out.put_u8(0x19);
+        out.put_u32(len);
+    } else {
+        return Err(EncodeError {
+            parameter,
+            what: "more than 4 GiB",
+        });
+    }
+    out.put_slice(octets);
+    Ok(())
+}
+
+/// NullTerminatedString of SC00088D in the form `#n"…`, the only one that all peers read.
+pub(super) fn write_null_terminated(
+    text: &[u8],
+    parameter: &'static str,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
+    write_prefixed("", text, parameter, out)
+}
+
+/// A user-defined parameter of an envelope: its name with the `X-` that marks it, and its value.
+pub(super) fn write_user_text(
+    name: &str,
+    value: &Text,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
+    const PARAMETER: &str = "user-defined";
+    out.put_u8(0);
+    write_prefixed("X-", without_prefix(name).as_bytes(), PARAMETER, out)?;
+    write_null_terminated(value.as_bytes(), PARAMETER, out)
+}
+
+pub(super) fn write_prefixed(
+    prefix: &str,
+    text: &[u8],
+    parameter: &'static str,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
+    if text.contains(&0) {
+        return Err(EncodeError {
+            parameter,
+            what: "a zero octet cannot stand in a null terminated string",
+        });
+    }
+    out.put_u8(b'#');
+    write_decimal(prefix.len() + text.len(), out);
+    out.put_u8(b'"');
+    out.put_slice(prefix.as_bytes());
+    out.put_slice(text);
+    out.put_u8(0);
+    Ok(())
+}
+
+/// The number in decimal characters.
+pub(super) fn write_decimal(number: usize, out: &mut BytesMut) {
+    let (digits, start) = decimal(u64::try_from(number).unwrap_or(u64::MAX));
+    out.put_slice(digits.get(start..).unwrap_or_default());
+}
+
+/// The decimal characters of a number and where they begin.
+pub(super) fn decimal(mut number: u64) -> ([u8; 20], usize) {
+    let mut digits = [b'0'; 20];
+    let mut start = digits.len();
+    for digit in digits.iter_mut().rev() {
+        let [ones, ..] = (number % 10).to_le_bytes();
+        *digit = b'0' + ones;
+        start -= 1;
+        number /= 10;
+        if number == 0 {
+            break;
+        }
+    }
+    (digits, start)
+}
