@@ -1,0 +1,130 @@
+use std::ffi::OsString;
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use clap::error::ErrorKind;
+use clap::{Parser, Subcommand};
+
+use crate::commands::{decode, encode};
+use crate::{Failure, streams};
+
+/// The command line of `fipa`.
+#[derive(Debug, Parser)]
+#[command(
+    name = "fipa",
+    version,
+    about = "Agents talking FIPA: look, send, translate"
+)]
+// Without a command there is one line on standard error, as for every other wrong usage.
+#[command(subcommand_required = true, arg_required_else_help = false)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands of `fipa`.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Show encoded messages and letters as JSON, one a line
+    Decode(decode::Args),
+    /// Encode messages and letters given as JSON
+    Encode(encode::Args),
+}
+
+impl Command {
+    /// The word on the command line.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Command::Decode(_) => "decode",
+            Command::Encode(_) => "encode",
+        }
+    }
+
+    fn run(&self) -> Result<(), Failure> {
+        match self {
+            Command::Decode(args) => decode::run(args),
+            Command::Encode(args) => encode::run(args),
+        }
+    }
+}
+
+/// The program: runs the command line of this process.
+pub fn main() -> ExitCode {
+    run(std::env::args_os())
+}
+
+/// Runs a command line, the program's name included, on the streams of this process.
+///
+/// What fails is one line on standard error and an exit code: see [`Failure`].
+pub fn run(command_line: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> ExitCode {
+    let (name, result) = match Cli::try_parse_from(command_line) {
+        Ok(cli) => (format!("fipa {}", cli.command.name()), cli.command.run()),
+        Err(error) => ("fipa".into(), usage(&error)),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            // If nobody listens on standard error, the exit code is all there is to say.
+            let _ = writeln!(io::stderr(), "{name}: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+/// Help and version are answers; everything else is a failure of one line.
+fn usage(error: &clap::Error) -> Result<(), Failure> {
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+            streams::write_output(|output| Ok(write!(output, "{error}")?))
+        }
+        _ => Err(Failure::malformed(one_line(&error.to_string()))),
+    }
+}
+
+/// What clap says before it explains the usage, on one line.
+fn one_line(message: &str) -> String {
+    let said = message.split("\n\n").next().unwrap_or_default();
+    let words: Vec<&str> = said.split_whitespace().collect();
+    let line = words.join(" ");
+    line.strip_prefix("error: ").unwrap_or(&line).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_usage_is_one_line() {
+        for (line, said) in [
+            (
+                &["fipa"][..],
+                "'fipa' requires a subcommand but one was not provided",
+            ),
+            (
+                &["fipa", "encode"],
+                "the following required arguments were not provided: --as <REP>",
+            ),
+            (
+                &["fipa", "decode", "--as", "json"],
+                "invalid value 'json' for '--as <REP>' [possible values: bit-efficient, xml, string]",
+            ),
+            (
+                &["fipa", "encode", "--as", "xml", "--envelope", "string"],
+                "invalid value 'string' for '--envelope <REP>' [possible values: bit-efficient, xml]",
+            ),
+        ] {
+            let error = Cli::try_parse_from(line).unwrap_err();
+            let failure = usage(&error).unwrap_err();
+            assert!(failure.to_string().starts_with(said), "{failure}");
+            assert_eq!(failure.to_string().lines().count(), 1);
+            assert_eq!(failure.code(), 2);
+        }
+    }
+
+    #[test]
+    fn the_parser_is_consistent() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,146 @@
+//! `fipa encode`: messages and letters in JSON, encoded.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use bytes::BytesMut;
+use fipa_acl::FipaTime;
+use fipa_codec::EncodeError;
+use fipa_json::{Body, EnvelopeForm, JsonError, LetterForm};
+use fipa_json::{envelope_for, letter_from_json, message_from_json};
+use serde_json::{Deserializer, Value};
+
+use crate::forms::{self, EnvelopeRep, Rep};
+use crate::{Failure, streams};
+
+/// The options of `fipa encode`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// The representation of the messages
+    #[arg(long = "as", value_name = "REP")]
+    pub rep: Rep,
+    /// Write letters whose envelopes are in this representation
+    #[arg(long, value_name = "REP")]
+    pub envelope: Option<EnvelopeRep>,
+    /// JSON values to encode, one a line or just one after the other; - is standard input
+    #[arg(default_value = "-")]
+    pub file: PathBuf,
+}
+
+/// Encodes what the options name to standard output.
+///
+/// # Errors
+/// Exit code 3 for a file that cannot be read, else see [`encode`].
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let input = streams::read_input(&args.file)?;
+    streams::write_output(|output| encode(&input, args, now(), output))
+}
+
+/// Writes the octets of each message or letter of the input, one after the other; `now` is the
+/// date of envelopes that are made for a bare message.
+///
+/// # Errors
+/// Exit code 2 with `line:column` for the first value that is not JSON, not of the form or not
+/// writable in the representation. What was encoded before it is written.
+pub fn encode(
+    input: &[u8],
+    args: &Args,
+    now: FipaTime,
+    output: &mut dyn Write,
+) -> Result<(), Failure> {
+    let mut values = Deserializer::from_slice(input).into_iter::<Value>();
+    let mut octets = BytesMut::new();
+    loop {
+        let start = values.byte_offset();
+        let value = match values.next() {
+            Some(Ok(value)) => value,
+            Some(Err(error)) => return Err(syntax(&error)),
+            None => return Ok(()),
+        };
+        octets.clear();
+        encode_value(&value, args, now, &mut octets)
+            .map_err(|error| Failure::malformed(format!("{}: {error}", position(input, start))))?;
+        output.write_all(&octets)?;
+    }
+}
+
+/// Why a JSON value cannot be encoded.
+#[derive(Debug, thiserror::Error)]
+enum ValueError {
+    #[error(transparent)]
+    Form(#[from] JsonError),
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    #[error("a letter is written with --envelope")]
+    Letter,
+}
+
+fn encode_value(
+    value: &Value,
+    args: &Args,
+    now: FipaTime,
+    output: &mut BytesMut,
+) -> Result<(), ValueError> {
+    let is_letter = ["envelope", "layers"]
+        .iter()
+        .any(|key| value.get(key).is_some());
+    let Some(envelope_rep) = args.envelope else {
+        if is_letter {
+            return Err(ValueError::Letter);
+        }
+        let message = message_from_json(value)?;
+        return Ok(forms::encode_message(&message, args.rep, output)?);
+    };
+    let letter = if is_letter {
+        letter_from_json(value)?
+    } else {
+        letter_of_message(value, now)?
+    };
+    Ok(forms::encode_letter(
+        letter,
+        args.rep,
+        envelope_rep,
+        output,
+    )?)
+}
+
+/// The letter that is made for a bare message.
+fn letter_of_message(value: &Value, now: FipaTime) -> Result<LetterForm, JsonError> {
+    let message = message_from_json(value)?;
+    Ok(LetterForm {
+        envelope: EnvelopeForm::Flattened(Box::new(envelope_for(&message, now))),
+        body: Body::Message(Box::new(message)),
+    })
+}
+
+fn syntax(error: &serde_json::Error) -> Failure {
+    let (line, column) = (error.line(), error.column());
+    let said = error.to_string();
+    let what = said
+        .strip_suffix(&format!(" at line {line} column {column}"))
+        .unwrap_or(&said);
+    Failure::malformed(format_args!("{line}:{column}: {what}"))
+}
+
+/// Where the value behind `start` begins, as `line:column`, both from 1 on; columns are octets, as
+/// they are in errors of syntax.
+fn position(input: &[u8], start: usize) -> String {
+    let rest = &input[start..];
+    let blanks = rest.len() - rest.trim_ascii_start().len();
+    let before = &input[..start + blanks];
+    let line_start = before
+        .iter()
+        .rposition(|b| *b == b'\n')
+        .map_or(0, |at| at + 1);
+    let line = before.iter().filter(|b| **b == b'\n').count() + 1;
+    format!("{line}:{}", before.len() - line_start + 1)
+}
+
+fn now() -> FipaTime {
+    // A clock before 1970 is as good as none.
+    let since_1970 = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    FipaTime::from_unix_millis(i64::try_from(since_1970.as_millis()).unwrap_or(i64::MAX))
+}

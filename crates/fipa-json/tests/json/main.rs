@@ -1,0 +1,5 @@
+//! The JSON forms: what is shown, what is read, which errors.
+
+mod letter;
+mod message;
+mod strategies;
