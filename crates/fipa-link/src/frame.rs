@@ -1,0 +1,320 @@
+use bytes::{BufMut, Bytes, BytesMut};
+use fipa_acl::Text;
+use fipa_directory::{Entry, InstanceId, Location, Source, State};
+
+use crate::wire::{FrameError, Reader, put_list, put_text};
+use crate::{Hello, ReceiverOutcome};
+
+/// One frame of a link.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// Who speaks.
+    Hello(Hello),
+    /// A letter.
+    Letter(LetterFrame),
+    /// What became of the letter with this number.
+    Receipt {
+        /// The number of the letter.
+        id: u64,
+        /// One outcome a receiver.
+        outcomes: Vec<ReceiverOutcome>,
+    },
+    /// A program asks to register an agent.
+    Attach {
+        /// Ties the answer to the request.
+        request: u64,
+        /// The agent's name.
+        name: Text,
+        /// The service type.
+        kind: Text,
+        /// Free text for people.
+        description: Text,
+    },
+    /// A program asks to deregister an agent.
+    Detach {
+        /// Ties the answer to the request.
+        request: u64,
+        /// The agent's name.
+        name: Text,
+    },
+    /// The answer to a request; an empty `refusal` means that it was done.
+    Answer {
+        /// The request.
+        request: u64,
+        /// Why not.
+        refusal: Text,
+    },
+    /// A program asks for the directory, as snapshot and changes.
+    Watch,
+    /// A part of the directory.
+    Directory(DirectoryFrame),
+    /// Asks for a pong with the same number.
+    Ping(u64),
+    /// The answer to a ping.
+    Pong(u64),
+    /// The link is about to be closed, and why.
+    Goodbye(Text),
+    /// A kind that this version does not know; it is passed over.
+    Unknown(u8),
+}
+
+/// A letter on a link.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LetterFrame {
+    /// Counts the letters of a sender; the receipt carries it. A letter that is sent again over a
+    /// new link keeps its number.
+    pub id: u64,
+    /// Milliseconds within which the sender wants the receipt.
+    pub ttl_millis: u32,
+    /// The encoded letter, in parts that follow each other; one part when it was received.
+    pub parts: Vec<Bytes>,
+}
+
+/// A part of a directory. The parts of one owner are numbered without gaps over all its links, so
+/// that late or doubled ones are recognised.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DirectoryFrame {
+    /// The number of the last change that is contained.
+    pub version: u64,
+    /// Whether this begins a snapshot: what it does not hold is not there.
+    pub snapshot: bool,
+    /// Whether more parts of the snapshot follow.
+    pub more: bool,
+    /// Entries and removals.
+    pub items: Vec<DirectoryItem>,
+}
+
+/// An item of a [`DirectoryFrame`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DirectoryItem {
+    /// An entry, new or changed.
+    Put {
+        /// Who vouches for it.
+        owner: InstanceId,
+        /// How it came to be known.
+        source: Source,
+        /// How sure it is.
+        state: State,
+        /// For how many milliseconds it has been known.
+        age_millis: u64,
+        /// The entry.
+        entry: Entry,
+    },
+    /// An entry is gone.
+    Remove {
+        /// Who vouched for it.
+        owner: InstanceId,
+        /// The agent's name.
+        name: Text,
+    },
+}
+
+const SOURCES: [Source; 4] = [Source::Local, Source::Mdns, Source::Peer, Source::Ams];
+const STATES: [State; 3] = [State::Alive, State::Suspect, State::Gone];
+
+impl Frame {
+    /// Appends the frame to `out`, as parts that are written one after the other. A letter's own
+    /// parts are passed on as they are.
+    pub fn encode(self, out: &mut Vec<Bytes>) {
+        let mut head = BytesMut::with_capacity(64);
+        head.put_u32(0);
+        head.put_u8(self.kind());
+        let letter = self.put_body(&mut head);
+        let octets = head.len() - 4 + letter.iter().map(Bytes::len).sum::<usize>();
+        head[..4].copy_from_slice(&u32::try_from(octets).unwrap_or(u32::MAX).to_be_bytes());
+        out.push(head.freeze());
+        out.extend(letter);
+    }
+
+    /// Reads a frame from its kind and body. A letter shares the body's buffer.
+    pub fn decode(kind: u8, body: Bytes) -> Result<Frame, FrameError> {
+        let mut r = Reader::new(body, name_of(kind));
+        Ok(match kind {
+            1 => Frame::Hello(Hello::read(r)?),
+            2 => Frame::Letter(LetterFrame {
+                id: r.u64()?,
+                ttl_millis: r.u32()?,
+                parts: vec![r.rest()],
+            }),
+            3 => Frame::Receipt {
+                id: r.u64()?,
+                outcomes: r.list(ReceiverOutcome::read)?,
+            },
+            4 => Frame::Attach {
+                request: r.u64()?,
+                name: r.text()?,
+                kind: r.text()?,
+                description: r.text()?,
+            },
+            5 => Frame::Detach {
+                request: r.u64()?,
+                name: r.text()?,
+            },
+            6 => Frame::Answer {
+                request: r.u64()?,
+                refusal: r.text()?,
+            },
+            7 => Frame::Watch,
+            8 => Frame::Directory(DirectoryFrame::read(r)?),
+            9 => Frame::Ping(r.u64()?),
+            10 => Frame::Pong(r.u64()?),
+            11 => Frame::Goodbye(r.text()?),
+            other => Frame::Unknown(other),
+        })
+    }
+
+    fn kind(&self) -> u8 {
+        match self {
+            Frame::Hello(_) => 1,
+            Frame::Letter(_) => 2,
+            Frame::Receipt { .. } => 3,
+            Frame::Attach { .. } => 4,
+            Frame::Detach { .. } => 5,
+            Frame::Answer { .. } => 6,
+            Frame::Watch => 7,
+            Frame::Directory(_) => 8,
+            Frame::Ping(_) => 9,
+            Frame::Pong(_) => 10,
+            Frame::Goodbye(_) => 11,
+            Frame::Unknown(kind) => *kind,
+        }
+    }
+
+    /// Writes the body, save for a letter's parts, which are returned.
+    fn put_body(self, out: &mut BytesMut) -> Vec<Bytes> {
+        match self {
+            Frame::Hello(hello) => hello.put(out),
+            Frame::Letter(letter) => {
+                out.put_u64(letter.id);
+                out.put_u32(letter.ttl_millis);
+                return letter.parts;
+            }
+            Frame::Receipt { id, outcomes } => {
+                out.put_u64(id);
+                put_list(out, &outcomes, ReceiverOutcome::put);
+            }
+            Frame::Attach {
+                request,
+                name,
+                kind,
+                description,
+            } => {
+                out.put_u64(request);
+                put_text(out, &name);
+                put_text(out, &kind);
+                put_text(out, &description);
+            }
+            Frame::Detach { request, name } => {
+                out.put_u64(request);
+                put_text(out, &name);
+            }
+            Frame::Answer { request, refusal } => {
+                out.put_u64(request);
+                put_text(out, &refusal);
+            }
+            Frame::Directory(directory) => directory.put(out),
+            Frame::Ping(nonce) | Frame::Pong(nonce) => out.put_u64(nonce),
+            Frame::Goodbye(reason) => put_text(out, &reason),
+            Frame::Watch | Frame::Unknown(_) => {}
+        }
+        Vec::new()
+    }
+}
+
+fn name_of(kind: u8) -> &'static str {
+    match kind {
+        1 => "hello",
+        2 => "letter",
+        3 => "receipt",
+        4 => "attach",
+        5 => "detach",
+        6 => "answer",
+        8 => "directory",
+        9 => "ping",
+        10 => "pong",
+        11 => "goodbye",
+        _ => "unknown",
+    }
+}
+
+impl DirectoryFrame {
+    fn put(&self, out: &mut BytesMut) {
+        out.put_u64(self.version);
+        out.put_u8(u8::from(self.snapshot) | u8::from(self.more) << 1);
+        put_list(out, &self.items, |out, item| match item {
+            DirectoryItem::Put {
+                owner,
+                source,
+                state,
+                age_millis,
+                entry,
+            } => {
+                out.put_u8(0);
+                out.put_slice(owner.as_bytes());
+                out.put_u8(*source as u8);
+                out.put_u8(*state as u8);
+                out.put_u64(*age_millis);
+                put_entry(out, entry);
+            }
+            DirectoryItem::Remove { owner, name } => {
+                out.put_u8(1);
+                out.put_slice(owner.as_bytes());
+                put_text(out, name);
+            }
+        });
+    }
+
+    fn read(mut r: Reader) -> Result<DirectoryFrame, FrameError> {
+        let version = r.u64()?;
+        let flags = r.u8()?;
+        Ok(DirectoryFrame {
+            version,
+            snapshot: flags & 1 != 0,
+            more: flags & 2 != 0,
+            items: r.list(read_item)?,
+        })
+    }
+}
+
+fn read_item(r: &mut Reader) -> Result<DirectoryItem, FrameError> {
+    Ok(match r.u8()? {
+        0 => DirectoryItem::Put {
+            owner: r.instance()?,
+            source: *SOURCES.get(usize::from(r.u8()?)).ok_or(r.undefined())?,
+            state: *STATES.get(usize::from(r.u8()?)).ok_or(r.undefined())?,
+            age_millis: r.u64()?,
+            entry: read_entry(r)?,
+        },
+        1 => DirectoryItem::Remove {
+            owner: r.instance()?,
+            name: r.text()?,
+        },
+        _ => return Err(r.undefined()),
+    })
+}
+
+fn put_entry(out: &mut BytesMut, entry: &Entry) {
+    put_text(out, &entry.name);
+    put_text(out, &entry.kind);
+    put_list(out, &entry.locations, |out, location| {
+        put_text(out, &location.address);
+        put_text(out, &location.signature);
+    });
+    put_text(out, &entry.description);
+    out.put_i64(entry.timestamp);
+}
+
+fn read_entry(r: &mut Reader) -> Result<Entry, FrameError> {
+    Ok(Entry {
+        name: r.text()?,
+        kind: r.text()?,
+        locations: r.list(|r| {
+            Ok(Location {
+                address: r.text()?,
+                signature: r.text()?,
+            })
+        })?,
+        description: r.text()?,
+        timestamp: r.i64()?,
+    })
+}

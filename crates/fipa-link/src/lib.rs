@@ -1,0 +1,31 @@
+//! The stream link: how platforms, and programs with their platform, talk over a byte stream.
+//!
+//! ```text
+//!   preamble  8F "FIPA" 0D 0A 01          begins like no FIPA encoding, TLS record or HTTP request
+//!   frame     length: u32 │ kind: u8 │ body          length counts kind and body; big endian
+//!
+//!   hello ──▶              who speaks: version, instance, name, scope, endpoints
+//!   letter ─▶ ◀─ receipt   a letter, and what became of it, receiver by receiver
+//!   attach, detach ─▶ ◀─ answer      a program's agents
+//!   directory ─▶           snapshot, then changes; numbered by their owner
+//!   ping ─▶ ◀─ pong        heartbeat                goodbye ─▶ the reason for closing
+//! ```
+//!
+//! **Knows** the octets of a frame and the life of one link: preamble, hello, heartbeat, end.
+//! **Never knows** a socket or a clock, where a letter goes, or what the directory holds. A link
+//! between daemons and the control link of a program are the same.
+
+mod frame;
+mod hello;
+mod link;
+mod outcome;
+mod wire;
+
+pub use frame::{DirectoryFrame, DirectoryItem, Frame, LetterFrame};
+pub use hello::{Hello, Role};
+pub use link::{Event, Link, LinkConfig, LinkError};
+pub use outcome::{Outcome, ReceiverOutcome};
+pub use wire::FrameError;
+
+/// The octets that open a link; the last is the version of the framing.
+pub const PREAMBLE: [u8; 8] = *b"\x8fFIPA\r\n\x01";

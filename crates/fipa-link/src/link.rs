@@ -1,0 +1,292 @@
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use bytes::{Buf, Bytes, BytesMut};
+use fipa_acl::Text;
+use fipa_directory::Now;
+
+use crate::{Frame, FrameError, Hello, PREAMBLE};
+
+/// Octets of a frame beside the letter in it, at most.
+const FRAME_OVERHEAD: usize = 64 << 10;
+
+/// Octets of a frame that holds no letter, at most.
+const MAX_CONTROL_FRAME: usize = 4 << 20;
+
+/// What a link is made with.
+#[derive(Clone, Debug)]
+pub struct LinkConfig {
+    /// Who we are.
+    pub hello: Hello,
+    /// How long the partner may take for its preamble and hello.
+    pub hello_timeout: Duration,
+    /// The pause between heartbeats while letters flow.
+    pub heartbeat_busy: Duration,
+    /// The pause between heartbeats while none flowed for a minute.
+    pub heartbeat_idle: Duration,
+}
+
+impl LinkConfig {
+    /// The usual times: 5 s for the hello, a heartbeat each 2 s, or each 10 s when idle.
+    pub fn new(hello: Hello) -> LinkConfig {
+        LinkConfig {
+            hello,
+            hello_timeout: Duration::from_secs(5),
+            heartbeat_busy: Duration::from_secs(2),
+            heartbeat_idle: Duration::from_secs(10),
+        }
+    }
+}
+
+/// One end of a link: octets in and frames out, frames in and octets out.
+///
+/// It greets, keeps the heartbeat, and tells when the partner falls silent. What the frames mean
+/// is for its owner.
+#[derive(Debug)]
+pub struct Link {
+    config: LinkConfig,
+    stage: Stage,
+    out: VecDeque<Bytes>,
+    out_octets: usize,
+    last_heard: Duration,
+    last_ping: Duration,
+    last_letter: Option<Duration>,
+    misses: u32,
+    silent: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Preamble,
+    Hello,
+    Open,
+}
+
+/// What a link has to tell.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// The partner has said who it is: the link is open.
+    Opened(Hello),
+    /// A frame other than hello and heartbeat.
+    Frame(Frame),
+    /// Three heartbeats in a row were missed.
+    Silent,
+    /// The partner is heard again after it was silent.
+    Heard,
+}
+
+/// A link that cannot go on.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LinkError {
+    /// The first octets are not those of a link.
+    #[error("the other side does not speak the fipa stream link")]
+    Preamble,
+    /// The framing is of another version.
+    #[error("the other side speaks version {0} of the stream link, this is version 1")]
+    Version(u8),
+    /// The partner did not say hello in time.
+    #[error("the other side accepted the connection and said nothing")]
+    NoHello,
+    /// A frame is larger than agreed.
+    #[error("a frame of {0} octets is larger than allowed")]
+    TooLarge(usize),
+    /// A frame cannot be read.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// Another frame came where the hello belongs, or a second hello.
+    #[error("a frame came out of order")]
+    Order,
+    /// Six heartbeats in a row were missed.
+    #[error("the other side has fallen silent")]
+    Dead,
+}
+
+impl Link {
+    /// A link over a stream that was just connected; preamble and hello wait to be written.
+    pub fn new(config: LinkConfig, now: Now) -> Link {
+        let mut link = Link {
+            stage: Stage::Preamble,
+            out: VecDeque::new(),
+            out_octets: 0,
+            last_heard: now.mono,
+            last_ping: now.mono,
+            last_letter: None,
+            misses: 0,
+            silent: false,
+            config,
+        };
+        link.push(Bytes::from_static(&PREAMBLE));
+        link.send(now, Frame::Hello(link.config.hello.clone()));
+        link
+    }
+
+    /// Takes the first whole frame from `received`; what is left there is the beginning of the
+    /// next. `None`: more octets are needed. To be called again until it says so.
+    pub fn receive(
+        &mut self,
+        now: Now,
+        received: &mut BytesMut,
+    ) -> Result<Option<Event>, LinkError> {
+        if !received.is_empty() {
+            self.last_heard = now.mono;
+            self.misses = 0;
+            if std::mem::take(&mut self.silent) {
+                return Ok(Some(Event::Heard));
+            }
+        }
+        if self.stage == Stage::Preamble && !take_preamble(received)? {
+            return Ok(None);
+        }
+        if self.stage == Stage::Preamble {
+            self.stage = Stage::Hello;
+        }
+        while let Some(frame) = self.take_frame(received)? {
+            if let Some(event) = self.accept(now, frame)? {
+                return Ok(Some(event));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Queues a frame.
+    pub fn send(&mut self, now: Now, frame: Frame) {
+        if matches!(frame, Frame::Letter(_)) {
+            self.last_letter = Some(now.mono);
+        }
+        let mut parts = Vec::with_capacity(3);
+        frame.encode(&mut parts);
+        parts.into_iter().for_each(|part| self.push(part));
+    }
+
+    /// The next octets to write.
+    pub fn poll_transmit(&mut self) -> Option<Bytes> {
+        let part = self.out.pop_front()?;
+        self.out_octets -= part.len();
+        Some(part)
+    }
+
+    /// Octets that wait to be written.
+    pub fn queued(&self) -> usize {
+        self.out_octets
+    }
+
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, on the clock of
+    /// [`Now::mono`].
+    pub fn poll_timeout(&self) -> Duration {
+        match self.stage {
+            Stage::Open => self.last_heard.max(self.last_ping) + self.heartbeat(),
+            _ => self.last_heard + self.config.hello_timeout,
+        }
+    }
+
+    /// Sends the heartbeat that is due. An event when the partner has just become silent, an error
+    /// when it is to be given up.
+    pub fn handle_timeout(&mut self, now: Now) -> Result<Option<Event>, LinkError> {
+        if now.mono < self.poll_timeout() {
+            return Ok(None);
+        }
+        if self.stage != Stage::Open {
+            return Err(LinkError::NoHello);
+        }
+        if self.last_ping > self.last_heard {
+            self.misses += 1;
+        }
+        if self.misses >= 6 {
+            return Err(LinkError::Dead);
+        }
+        self.last_ping = now.mono;
+        self.send(now, Frame::Ping(now.mono.as_millis() as u64));
+        if self.misses >= 3 && !self.silent {
+            self.silent = true;
+            return Ok(Some(Event::Silent));
+        }
+        Ok(None)
+    }
+
+    /// Queues a goodbye; the owner closes the stream once everything is written.
+    pub fn goodbye(&mut self, now: Now, reason: impl Into<Text>) {
+        self.send(now, Frame::Goodbye(reason.into()));
+    }
+
+    fn heartbeat(&self) -> Duration {
+        let busy = self
+            .last_letter
+            .is_some_and(|at| self.last_heard < at + Duration::from_secs(60));
+        if busy {
+            self.config.heartbeat_busy
+        } else {
+            self.config.heartbeat_idle
+        }
+    }
+
+    fn push(&mut self, part: Bytes) {
+        self.out_octets += part.len();
+        self.out.push_back(part);
+    }
+
+    fn take_frame(&self, received: &mut BytesMut) -> Result<Option<Frame>, LinkError> {
+        let Some((head, _)) = received.split_first_chunk::<5>() else {
+            return Ok(None);
+        };
+        let [l0, l1, l2, l3, kind] = *head;
+        let length = u32::from_be_bytes([l0, l1, l2, l3]) as usize;
+        let limit = match kind {
+            2 => usize::try_from(self.config.hello.max_letter)
+                .unwrap_or(usize::MAX)
+                .saturating_add(FRAME_OVERHEAD),
+            _ => MAX_CONTROL_FRAME,
+        };
+        if length == 0 || length > limit {
+            return Err(LinkError::TooLarge(length));
+        }
+        if received.len() < 4 + length {
+            return Ok(None);
+        }
+        received.advance(5);
+        let body = received.split_to(length - 1).freeze();
+        Ok(Some(Frame::decode(kind, body)?))
+    }
+
+    fn accept(&mut self, now: Now, frame: Frame) -> Result<Option<Event>, LinkError> {
+        match (self.stage, frame) {
+            (Stage::Hello, Frame::Hello(hello)) => {
+                self.stage = Stage::Open;
+                self.last_ping = now.mono;
+                Ok(Some(Event::Opened(hello)))
+            }
+            (Stage::Hello, frame @ Frame::Goodbye(_)) => Ok(Some(Event::Frame(frame))),
+            (Stage::Open, Frame::Ping(nonce)) => {
+                self.send(now, Frame::Pong(nonce));
+                Ok(None)
+            }
+            (Stage::Open, Frame::Pong(_) | Frame::Unknown(_)) => Ok(None),
+            (Stage::Open, Frame::Hello(_)) | (Stage::Hello | Stage::Preamble, _) => {
+                Err(LinkError::Order)
+            }
+            (Stage::Open, frame) => {
+                if matches!(frame, Frame::Letter(_)) {
+                    self.last_letter = Some(now.mono);
+                }
+                Ok(Some(Event::Frame(frame)))
+            }
+        }
+    }
+}
+
+/// Whether the preamble was there and is taken; an error as soon as the octets differ from it.
+fn take_preamble(received: &mut BytesMut) -> Result<bool, LinkError> {
+    let magic = PREAMBLE.len() - 1;
+    let given = received.len().min(magic);
+    if received[..given] != PREAMBLE[..given] {
+        return Err(LinkError::Preamble);
+    }
+    match received.get(magic) {
+        None => Ok(false),
+        Some(version) if *version == PREAMBLE[magic] => {
+            received.advance(PREAMBLE.len());
+            Ok(true)
+        }
+        Some(version) => Err(LinkError::Version(*version)),
+    }
+}

@@ -1,0 +1,114 @@
+//! The primitive values of frames: big endian numbers, and text behind its length.
+
+use bytes::{Buf, BufMut, Bytes, BytesMut};
+use fipa_acl::Text;
+use fipa_directory::InstanceId;
+
+/// A frame cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FrameError {
+    /// The body ends in the middle of a value.
+    #[error("the {0} frame ends too soon")]
+    Short(&'static str),
+    /// A value is none that is defined.
+    #[error("the {0} frame holds an undefined value")]
+    Undefined(&'static str),
+    /// A text is not UTF-8.
+    #[error("the {0} frame holds text that is not UTF-8")]
+    NotUtf8(&'static str),
+}
+
+/// Reads the values of one frame's body. What follows the last value that this version knows is
+/// left unread, so that later versions can add to a frame.
+pub(crate) struct Reader {
+    body: Bytes,
+    frame: &'static str,
+}
+
+impl Reader {
+    pub(crate) fn new(body: Bytes, frame: &'static str) -> Reader {
+        Reader { body, frame }
+    }
+
+    pub(crate) fn undefined(&self) -> FrameError {
+        FrameError::Undefined(self.frame)
+    }
+
+    fn take(&mut self, octets: usize) -> Result<Bytes, FrameError> {
+        if self.body.len() < octets {
+            return Err(FrameError::Short(self.frame));
+        }
+        Ok(self.body.split_to(octets))
+    }
+
+    pub(crate) fn u8(&mut self) -> Result<u8, FrameError> {
+        Ok(self.take(1)?.get_u8())
+    }
+
+    pub(crate) fn u16(&mut self) -> Result<u16, FrameError> {
+        Ok(self.take(2)?.get_u16())
+    }
+
+    pub(crate) fn u32(&mut self) -> Result<u32, FrameError> {
+        Ok(self.take(4)?.get_u32())
+    }
+
+    pub(crate) fn u64(&mut self) -> Result<u64, FrameError> {
+        Ok(self.take(8)?.get_u64())
+    }
+
+    pub(crate) fn i64(&mut self) -> Result<i64, FrameError> {
+        Ok(self.take(8)?.get_i64())
+    }
+
+    pub(crate) fn instance(&mut self) -> Result<InstanceId, FrameError> {
+        let mut octets = [0; 16];
+        octets.copy_from_slice(&self.take(16)?);
+        Ok(InstanceId::from_bytes(octets))
+    }
+
+    /// Text in a buffer of its own: what frames hold beside letters is kept for long.
+    pub(crate) fn text(&mut self) -> Result<Text, FrameError> {
+        let octets = self.u32()? as usize;
+        let octets = self.take(octets)?;
+        std::str::from_utf8(&octets)
+            .map(Text::from)
+            .map_err(|_| FrameError::NotUtf8(self.frame))
+    }
+
+    /// A list behind its count. Each item takes an octet at least, which bounds what is reserved.
+    pub(crate) fn list<T>(
+        &mut self,
+        mut item: impl FnMut(&mut Reader) -> Result<T, FrameError>,
+    ) -> Result<Vec<T>, FrameError> {
+        let count = self.u32()? as usize;
+        if count > self.body.len() {
+            return Err(FrameError::Short(self.frame));
+        }
+        let mut items = Vec::new();
+        for _ in 0..count {
+            items.push(item(self)?);
+        }
+        Ok(items)
+    }
+
+    pub(crate) fn rest(self) -> Bytes {
+        self.body
+    }
+}
+
+pub(crate) fn put_text(out: &mut BytesMut, text: &str) {
+    out.put_u32(length(text.len()));
+    out.put_slice(text.as_bytes());
+}
+
+pub(crate) fn put_list<T>(out: &mut BytesMut, items: &[T], put: impl Fn(&mut BytesMut, &T)) {
+    out.put_u32(length(items.len()));
+    items.iter().for_each(|item| put(out, item));
+}
+
+/// Nothing that a link carries in one frame reaches 4 GiB: letters are limited long before.
+fn length(octets: usize) -> u32 {
+    u32::try_from(octets).unwrap_or(u32::MAX)
+}

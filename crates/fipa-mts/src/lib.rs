@@ -1,0 +1,32 @@
+//! The message transport service (FIPA SC00067F) as a state machine, and the program's end of it.
+//!
+//! ```text
+//!             register, submit                      mailbox
+//!   agent ───────────────┐                        ┌────────▶ agent
+//!                        ▼                        │
+//!   link ─ letter ──▶ take in: stamped by us? ──▶ resolve: exact name, then pattern
+//!                        │ 1 submission           │ 1 delivery a receiver, with its own overlay
+//!                        ▼                        ▼
+//!   link ◀─ receipt ── outcomes of all ◀── mailbox │ program's link │ peer's link │ dial
+//! ```
+//!
+//! **Knows** stamps, receivers, who is reached over which link, what became of each letter, when
+//! to dial and when a peer is gone. **Never knows** a socket, a clock or a payload: time and
+//! octets come in as arguments ([`Machine`]), what is to be done comes out as [`Output`].
+//!
+//! [`Mts`] is a daemon or an in-process platform, [`Program`] the end of a control link that
+//! attaches agents to a daemon.
+
+mod config;
+mod machine;
+mod mailbox;
+mod mts;
+mod program;
+
+pub use config::{Config, ProgramConfig};
+pub use machine::{
+    ConnId, Connected, DialId, Machine, Notice, Output, RegisterError, Registration, Submission,
+};
+pub use mailbox::{Mailbox, MailboxFull};
+pub use mts::Mts;
+pub use program::Program;

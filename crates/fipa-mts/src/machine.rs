@@ -1,0 +1,229 @@
+use std::fmt;
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use fipa_acl::{Letter, Text};
+use fipa_directory::{Address, Change, Directory, InstanceId, MESSAGE_TRANSPORT, Now};
+use fipa_link::ReceiverOutcome;
+
+/// A connection, numbered by whoever opens the sockets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ConnId(pub u64);
+
+/// A dial that was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct DialId(pub u64);
+
+/// A stream that was opened.
+#[derive(Clone, Debug)]
+pub struct Connected {
+    /// Its number from now on.
+    pub conn: ConnId,
+    /// The dial that it answers, with the address that was reached; `None` for an accepted one.
+    pub dialled: Option<(DialId, Address)>,
+    /// Whether it is the control socket, on which programs attach.
+    pub control: bool,
+    /// Whether the partner is on this host, and may be told loopback addresses.
+    pub same_host: bool,
+}
+
+/// An agent to register.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Registration {
+    /// The agent's name: a word of ASCII, unique in the network.
+    pub name: Text,
+    /// The service type.
+    pub kind: Text,
+    /// Free text for people; empty: the service writes one.
+    pub description: Text,
+}
+
+impl Registration {
+    /// An agent of the usual service type.
+    pub fn new(name: impl Into<Text>) -> Registration {
+        Registration {
+            name: name.into(),
+            kind: Text::from_static(MESSAGE_TRANSPORT),
+            description: Text::default(),
+        }
+    }
+}
+
+/// A letter that an agent hands to its message transport service.
+#[derive(Clone, Debug)]
+pub struct Submission {
+    /// Ties the [`Output::Outcome`] to it.
+    pub ticket: u64,
+    /// The letter.
+    pub letter: Letter,
+    /// How long the outcome is waited for; the service may wait shorter.
+    pub timeout: Duration,
+}
+
+/// Why an agent was not registered.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RegisterError {
+    /// The name cannot be written in any representation.
+    #[error(
+        "{0:?} is no agent name: ASCII without blanks and parentheses, not beginning with a digit, # - @ or a quote"
+    )]
+    Name(Text),
+    /// Somebody else here holds the name.
+    #[error("the name {0} is held by another connection")]
+    Held(Text),
+    /// The daemon said no.
+    #[error("{0}")]
+    Refused(Text),
+    /// The daemon cannot be reached.
+    #[error("there is no daemon at the control socket")]
+    NoDaemon,
+}
+
+/// What a machine wants done, or tells.
+#[derive(Clone, Debug)]
+pub enum Output {
+    /// Open a stream to one of these addresses, tried in this order, and say how it went by
+    /// [`Machine::connected`] or [`Machine::dial_failed`].
+    Dial {
+        /// The number to answer with.
+        dial: DialId,
+        /// Where to.
+        addresses: Vec<Address>,
+    },
+    /// Octets wait to be written to this connection.
+    Transmit(ConnId),
+    /// Close this connection once what waits is written. It is not heard of again.
+    Close(ConnId),
+    /// What became of a registration.
+    Registered {
+        /// The ticket it was asked with.
+        ticket: u64,
+        /// How it went.
+        result: Result<(), RegisterError>,
+    },
+    /// What became of a submission: one outcome a receiver.
+    Outcome {
+        /// The ticket of the submission.
+        ticket: u64,
+        /// The outcomes, in the order in which the receivers were resolved.
+        outcomes: Vec<ReceiverOutcome>,
+    },
+    /// A letter waits in the mailbox of this agent.
+    Mail(Text),
+    /// The directory changed.
+    Directory(Change),
+    /// Ask the network whether this platform is still there: it is announced but does not answer.
+    Verify(InstanceId),
+    /// Something for the log.
+    Notice(Notice),
+}
+
+/// Something that a person who looks for a fault wants to know.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Notice {
+    /// A link to a peer is open.
+    PeerUp {
+        /// The peer's name.
+        name: Text,
+        /// How it is reached.
+        via: Text,
+    },
+    /// The last link to a peer broke, or it fell silent.
+    PeerSuspect {
+        /// The peer's name.
+        name: Text,
+        /// What happened.
+        reason: Text,
+    },
+    /// A peer did not come back, or said goodbye: its agents are removed.
+    PeerGone {
+        /// The peer's name.
+        name: Text,
+        /// What happened.
+        reason: Text,
+    },
+    /// Another daemon bears our name.
+    Conflict {
+        /// The name.
+        name: Text,
+        /// Where the other one is.
+        other: Text,
+    },
+    /// A connection was given up.
+    LinkFailed {
+        /// With whom.
+        with: Text,
+        /// Why.
+        reason: Text,
+    },
+    /// The daemon is there (again); told to programs.
+    DaemonUp,
+    /// The daemon is not there; it is looked for.
+    DaemonLost {
+        /// What happened.
+        reason: Text,
+    },
+    /// The daemon was looked for long enough.
+    DaemonGivenUp {
+        /// What happened last.
+        reason: Text,
+    },
+}
+
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Notice::PeerUp { name, via } => write!(f, "{name} is reached at {via}"),
+            Notice::PeerSuspect { name, reason } => write!(f, "{name} is not heard: {reason}"),
+            Notice::PeerGone { name, reason } => write!(f, "{name} is gone: {reason}"),
+            Notice::Conflict { name, other } => {
+                write!(f, "another daemon bears the name {name} too, at {other}")
+            }
+            Notice::LinkFailed { with, reason } => write!(f, "no link with {with}: {reason}"),
+            Notice::DaemonUp => f.write_str("the daemon is there"),
+            Notice::DaemonLost { reason } => write!(f, "the daemon is lost: {reason}"),
+            Notice::DaemonGivenUp { reason } => write!(f, "no daemon: {reason}"),
+        }
+    }
+}
+
+/// A state machine that drives links: what [`Mts`](crate::Mts) and [`Program`](crate::Program)
+/// have in common.
+///
+/// Whoever runs it hands in events with the time, then does what
+/// [`poll_output`](Self::poll_output) says until that is `None`.
+pub trait Machine {
+    /// A stream was opened.
+    fn connected(&mut self, now: Now, connected: Connected);
+    /// No stream could be opened.
+    fn dial_failed(&mut self, now: Now, dial: DialId, reason: &str);
+    /// Octets arrived; what does not make a whole frame yet is left in the buffer.
+    fn received(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut);
+    /// The stream ended.
+    fn closed(&mut self, now: Now, conn: ConnId, reason: &str);
+    /// The next octets to write to a connection.
+    fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes>;
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, on [`Now::mono`].
+    fn poll_timeout(&self) -> Option<Duration>;
+    /// The time has come.
+    fn handle_timeout(&mut self, now: Now);
+    /// What is to be done next.
+    fn poll_output(&mut self) -> Option<Output>;
+
+    /// Registers an agent with a mailbox here; answered by [`Output::Registered`].
+    fn register(&mut self, now: Now, ticket: u64, registration: Registration);
+    /// Takes an agent away, with what waits for it.
+    fn deregister(&mut self, now: Now, name: &str);
+    /// Takes in a letter; answered by one [`Output::Outcome`].
+    fn submit(&mut self, now: Now, submission: Submission);
+    /// The oldest letter that waits for an agent registered here.
+    fn take_mail(&mut self, name: &str) -> Option<Letter>;
+    /// The directory as it is known here.
+    fn directory(&self) -> &Directory;
+    /// The name of the message transport service; empty while a program has not met its daemon.
+    fn service_name(&self) -> Text;
+    /// Says goodbye on every link; the connections close once that is written.
+    fn shutdown(&mut self, now: Now);
+}

@@ -1,0 +1,304 @@
+//! Connections: from the first octet to the hello, from the last frame to the end.
+
+use std::collections::BTreeSet;
+
+use bytes::{Bytes, BytesMut};
+use fipa_acl::Text;
+use fipa_directory::{Address, InstanceId, Now};
+use fipa_link::{Event, Frame, Hello, Link, LinkConfig, Role};
+
+use super::peers::Purpose;
+use super::{Mts, Timer};
+use crate::machine::{ConnId, Connected, Notice, Output};
+
+/// The goodbye of a service that ends: its agents are gone with it.
+pub(super) const SHUTDOWN: &str = "the service ends";
+
+/// The goodbye on the younger of two links between the same two services.
+pub(super) const DUPLICATE: &str = "there is another link between us";
+
+/// The goodbye of a service that was called by itself.
+const MYSELF: &str = "this is the service itself";
+
+/// A connection.
+#[derive(Debug)]
+pub(super) struct Conn {
+    pub(super) link: Link,
+    /// Where it was dialled to.
+    pub(super) address: Option<Address>,
+    purpose: Option<Purpose>,
+    control: bool,
+    pub(super) same_host: bool,
+    pub(super) partner: Partner,
+    /// Letters that went out on it and wait for their receipts.
+    pub(super) outstanding: BTreeSet<u64>,
+    /// No new letters go out on it; it closes once it has nothing outstanding.
+    pub(super) retired: bool,
+    /// An [`Output::Transmit`] is under way.
+    announced: bool,
+}
+
+/// Who is at the other end.
+#[derive(Debug)]
+pub(super) enum Partner {
+    /// Nobody has said hello yet.
+    Unknown,
+    /// Another message transport service.
+    Daemon {
+        instance: InstanceId,
+        max_letter: u64,
+    },
+    /// A program, and whether it wants the directory.
+    Program { name: Text, watch: bool },
+}
+
+impl Conn {
+    pub(super) fn poll_transmit(&mut self) -> Option<Bytes> {
+        let part = self.link.poll_transmit();
+        if part.is_none() {
+            self.announced = false;
+        }
+        part
+    }
+}
+
+impl Mts {
+    pub(super) fn open_conn(&mut self, now: Now, connected: Connected) {
+        let Connected {
+            conn,
+            dialled,
+            control,
+            same_host,
+        } = connected;
+        let (purpose, address) = match dialled {
+            Some((dial, address)) => (self.dials.remove(&dial), Some(address)),
+            None => (None, None),
+        };
+        let link = Link::new(LinkConfig::new(self.hello(now, same_host)), now);
+        self.timer(link.poll_timeout(), Timer::Conn(conn));
+        self.conns.insert(
+            conn,
+            Conn {
+                link,
+                address,
+                purpose,
+                control,
+                same_host,
+                partner: Partner::Unknown,
+                outstanding: BTreeSet::new(),
+                retired: false,
+                announced: false,
+            },
+        );
+        self.announce_transmit(conn);
+    }
+
+    /// Reads whatever frames are whole.
+    pub(super) fn read_conn(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut) {
+        loop {
+            let Some(open) = self.conns.get_mut(&conn) else {
+                octets.clear();
+                return;
+            };
+            match open.link.receive(now, octets) {
+                Ok(None) => break,
+                Ok(Some(event)) => self.on_event(now, conn, event),
+                Err(error) => {
+                    self.give_up(now, conn, &error.to_string());
+                    return;
+                }
+            }
+        }
+        self.announce_transmit(conn);
+    }
+
+    pub(super) fn conn_timeout(&mut self, now: Now, conn: ConnId) {
+        let Some(open) = self.conns.get_mut(&conn) else {
+            return;
+        };
+        match open.link.handle_timeout(now) {
+            Ok(event) => {
+                let at = open.link.poll_timeout();
+                self.timer(at, Timer::Conn(conn));
+                self.announce_transmit(conn);
+                if let Some(event) = event {
+                    self.on_event(now, conn, event);
+                }
+            }
+            Err(error) => self.give_up(now, conn, &error.to_string()),
+        }
+    }
+
+    /// Queues a frame.
+    pub(super) fn send(&mut self, now: Now, conn: ConnId, frame: Frame) {
+        let Some(open) = self.conns.get_mut(&conn) else {
+            return;
+        };
+        let busy = matches!(frame, Frame::Letter(_));
+        let before = open.link.poll_timeout();
+        open.link.send(now, frame);
+        let at = open.link.poll_timeout();
+        // The heartbeat quickens with the first letter.
+        if busy && at < before {
+            self.timer(at, Timer::Conn(conn));
+        }
+        self.announce_transmit(conn);
+    }
+
+    /// Says goodbye and closes.
+    pub(super) fn part(&mut self, now: Now, conn: ConnId, reason: &'static str) {
+        self.send(now, conn, Frame::Goodbye(Text::from_static(reason)));
+        self.outputs.push_back(Output::Close(conn));
+    }
+
+    /// Closes a connection because of what came, or did not come, over it.
+    fn give_up(&mut self, now: Now, conn: ConnId, reason: &str) {
+        self.outputs.push_back(Output::Close(conn));
+        self.drop_conn(now, conn, reason);
+    }
+
+    /// Forgets a connection that has ended, and does what follows from that.
+    pub(super) fn drop_conn(&mut self, now: Now, conn: ConnId, reason: &str) {
+        let Some(closed) = self.conns.remove(&conn) else {
+            return;
+        };
+        match closed.partner {
+            Partner::Unknown => {
+                let with = match &closed.address {
+                    Some(address) => address.to_text(),
+                    None => Text::from_static("a caller"),
+                };
+                let reason_text = Text::from(reason);
+                self.notice(Notice::LinkFailed {
+                    with,
+                    reason: reason_text,
+                });
+                if let Some(purpose) = closed.purpose {
+                    self.dial_ended(now, purpose, reason);
+                }
+            }
+            Partner::Program { .. } => self.program_ended(now, conn),
+            Partner::Daemon { instance, .. } => {
+                self.peer_conn_ended(now, instance, conn, closed.outstanding, reason);
+            }
+        }
+    }
+
+    pub(super) fn announce_transmit(&mut self, conn: ConnId) {
+        if let Some(open) = self.conns.get_mut(&conn)
+            && open.link.queued() > 0
+            && !std::mem::replace(&mut open.announced, true)
+        {
+            self.outputs.push_back(Output::Transmit(conn));
+        }
+    }
+
+    fn hello(&self, now: Now, same_host: bool) -> Hello {
+        let told = |address: &&Address| same_host || !address.is_loopback();
+        Hello {
+            version: Hello::VERSION,
+            role: Role::Daemon,
+            instance: self.config.instance,
+            name: self.config.name.clone(),
+            scope: self.config.scope.clone(),
+            endpoints: self
+                .config
+                .endpoints
+                .iter()
+                .filter(told)
+                .map(Address::to_text)
+                .collect(),
+            max_letter: self.config.max_letter as u64,
+            unix_millis: now.unix_millis,
+        }
+    }
+
+    fn on_event(&mut self, now: Now, conn: ConnId, event: Event) {
+        match event {
+            Event::Opened(hello) => self.on_hello(now, conn, hello),
+            Event::Frame(frame) => self.on_frame(now, conn, frame),
+            Event::Silent => self.peer_silent(conn, true),
+            Event::Heard => self.peer_silent(conn, false),
+        }
+    }
+
+    fn on_hello(&mut self, now: Now, conn: ConnId, hello: Hello) {
+        let Some(open) = self.conns.get_mut(&conn) else {
+            return;
+        };
+        let purpose = open.purpose;
+        match hello.role {
+            Role::Program if open.control => {
+                open.partner = Partner::Program {
+                    name: hello.name,
+                    watch: false,
+                };
+            }
+            Role::Program => self.part(now, conn, "programs attach on the control socket"),
+            Role::Daemon if hello.instance == self.config.instance => {
+                self.seed_is_myself(purpose);
+                self.part(now, conn, MYSELF);
+            }
+            Role::Daemon if hello.scope != self.config.scope => {
+                self.part(now, conn, "another scope");
+            }
+            Role::Daemon => {
+                open.partner = Partner::Daemon {
+                    instance: hello.instance,
+                    max_letter: hello.max_letter,
+                };
+                open.purpose = None;
+                self.peer_conn_opened(now, conn, hello, purpose);
+            }
+        }
+    }
+
+    fn on_frame(&mut self, now: Now, conn: ConnId, frame: Frame) {
+        let Some(open) = self.conns.get_mut(&conn) else {
+            return;
+        };
+        match (frame, &mut open.partner) {
+            (Frame::Goodbye(reason), _) => self.on_goodbye(now, conn, &reason),
+            (Frame::Letter(letter), _) => self.letter_received(now, conn, letter),
+            (Frame::Receipt { id, outcomes }, _) => self.receipt(now, conn, id, outcomes),
+            (Frame::Directory(directory), Partner::Daemon { instance, .. }) => {
+                let instance = *instance;
+                self.peer_directory(now, instance, directory);
+            }
+            (Frame::Watch, Partner::Program { watch, .. }) => {
+                *watch = true;
+                self.send_everything(now, conn);
+            }
+            (
+                Frame::Attach {
+                    request,
+                    name,
+                    kind,
+                    description,
+                },
+                Partner::Program { .. },
+            ) => self.attach(now, conn, request, name, kind, description),
+            (Frame::Detach { request, name }, Partner::Program { .. }) => {
+                self.detach(now, conn, request, &name);
+            }
+            // A frame that makes no sense from this partner is passed over, as an unknown one is.
+            _ => {}
+        }
+    }
+
+    fn on_goodbye(&mut self, now: Now, conn: ConnId, reason: &str) {
+        match reason {
+            DUPLICATE => self.retire(now, conn),
+            SHUTDOWN => {
+                if let Some(open) = self.conns.get(&conn)
+                    && let Partner::Daemon { instance, .. } = open.partner
+                {
+                    self.peer_said_goodbye(now, instance);
+                }
+                self.outputs.push_back(Output::Close(conn));
+                self.drop_conn(now, conn, reason);
+            }
+            _ => self.give_up(now, conn, &format!("it refused: {reason}")),
+        }
+    }
+}

@@ -1,0 +1,359 @@
+//! Letters under way: what waits, what was sent, and what became of each.
+
+use std::time::Duration;
+
+use bytes::Bytes;
+use fipa_acl::Text;
+use fipa_codec::bit_efficient;
+use fipa_directory::{InstanceId, Now};
+use fipa_link::{Frame, LetterFrame, Outcome, ReceiverOutcome};
+
+use super::connections::Partner;
+use super::routing::Inbound;
+use super::seen::SeenLetter;
+use super::{Mts, Timer};
+use crate::machine::{ConnId, Output};
+
+/// Who is told what became of a letter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// Whoever submitted it here.
+    Ticket(u64),
+    /// The program at the end of this connection, by the number that it gave the letter.
+    Program { conn: ConnId, id: u64 },
+    /// A peer, by the number that it gave the letter; over whichever link it sent it last.
+    Peer {
+        instance: InstanceId,
+        conn: ConnId,
+        id: u64,
+    },
+}
+
+/// A letter whose outcomes are being collected.
+#[derive(Debug)]
+pub(super) struct Pending {
+    origin: Origin,
+    receivers: Vec<Text>,
+    outcomes: Vec<Option<ReceiverOutcome>>,
+    open: usize,
+}
+
+/// A copy of a letter for one receiver.
+#[derive(Debug)]
+pub(super) struct Delivery {
+    pending: u64,
+    slot: usize,
+    pub(super) target: Target,
+    /// The connection it went out on; `None` while it waits.
+    sent: Option<ConnId>,
+    parts: Vec<Bytes>,
+    deadline: Duration,
+    via: Option<Text>,
+}
+
+/// Where a copy goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    Program(ConnId),
+    Peer(InstanceId),
+    Seed(u64),
+}
+
+impl Delivery {
+    pub(super) fn octets(&self) -> usize {
+        self.parts.iter().map(Bytes::len).sum()
+    }
+}
+
+impl Mts {
+    /// A letter that came over a link.
+    pub(super) fn letter_received(&mut self, now: Now, conn: ConnId, frame: LetterFrame) {
+        let Some(open) = self.conns.get(&conn) else {
+            return;
+        };
+        let id = frame.id;
+        let (origin, from, patterns) = match &open.partner {
+            Partner::Unknown => return,
+            Partner::Program { name, .. } => (Origin::Program { conn, id }, name.clone(), true),
+            Partner::Daemon { instance, .. } => {
+                let instance = *instance;
+                if self.answered_before(now, instance, conn, id) {
+                    return;
+                }
+                let name = self.peer_name(instance);
+                (Origin::Peer { instance, conn, id }, name, false)
+            }
+        };
+        let octets = frame.parts.into_iter().next().unwrap_or_default();
+        match bit_efficient::decode_envelope(&octets, &self.config.limits) {
+            Ok((envelope, payload)) => {
+                let inbound = Inbound {
+                    payload: octets.slice(payload..),
+                    parts: vec![octets],
+                    envelope,
+                    from: Some(from),
+                    via: Some(if patterns { "unix" } else { "tcp" }),
+                    patterns,
+                };
+                let timeout = Duration::from_millis(frame.ttl_millis.into());
+                self.take_in(now, origin, inbound, timeout);
+            }
+            Err(error) => {
+                let reason = Text::from(format!("the envelope cannot be read: {error}"));
+                self.answer_whole(now, origin, Outcome::Refused, reason);
+            }
+        }
+    }
+
+    /// Whether the letter was taken in before; then its receipt is given again, now or as soon as
+    /// it is known.
+    fn answered_before(&mut self, now: Now, instance: InstanceId, conn: ConnId, id: u64) -> bool {
+        let seen = self.peers.get(&instance).and_then(|p| p.seen.get(id));
+        match seen.cloned() {
+            None => false,
+            Some(SeenLetter::Done(outcomes)) => {
+                self.send(now, conn, Frame::Receipt { id, outcomes });
+                true
+            }
+            Some(SeenLetter::Pending(pending)) => {
+                if let Some(pending) = self.pending.get_mut(&pending) {
+                    pending.origin = Origin::Peer { instance, conn, id };
+                }
+                true
+            }
+        }
+    }
+
+    /// Begins to collect the outcomes of a letter.
+    pub(super) fn open_pending<R>(
+        &mut self,
+        origin: Origin,
+        receivers: &[R],
+        name: impl Fn(&R) -> Text,
+    ) -> u64 {
+        let pending = self.id();
+        self.pending.insert(
+            pending,
+            Pending {
+                origin,
+                receivers: receivers.iter().map(name).collect(),
+                outcomes: receivers.iter().map(|_| None).collect(),
+                open: receivers.len(),
+            },
+        );
+        if let Origin::Peer { instance, id, .. } = origin
+            && let Some(peer) = self.peers.get_mut(&instance)
+        {
+            peer.seen.set(id, SeenLetter::Pending(pending));
+        }
+        pending
+    }
+
+    /// Answers a letter that nothing was started for.
+    pub(super) fn answer_whole(
+        &mut self,
+        now: Now,
+        origin: Origin,
+        outcome: Outcome,
+        reason: Text,
+    ) {
+        let pending = self.open_pending(origin, &[()], |()| Text::default());
+        self.settle(now, pending, 0, outcome, None, reason);
+    }
+
+    /// Notes one outcome; with the last one the origin is told.
+    pub(super) fn settle(
+        &mut self,
+        now: Now,
+        pending: u64,
+        slot: usize,
+        outcome: Outcome,
+        via: Option<Text>,
+        reason: Text,
+    ) {
+        let Some(collected) = self.pending.get_mut(&pending) else {
+            return;
+        };
+        let (Some(place), Some(to)) = (
+            collected.outcomes.get_mut(slot),
+            collected.receivers.get(slot),
+        ) else {
+            return;
+        };
+        if place.is_none() {
+            collected.open -= 1;
+        }
+        *place = Some(ReceiverOutcome {
+            to: to.clone(),
+            outcome,
+            via,
+            reason,
+        });
+        if collected.open == 0
+            && let Some(collected) = self.pending.remove(&pending)
+        {
+            let outcomes = collected.outcomes.into_iter().flatten().collect();
+            self.tell(now, collected.origin, outcomes);
+        }
+    }
+
+    fn tell(&mut self, now: Now, origin: Origin, outcomes: Vec<ReceiverOutcome>) {
+        match origin {
+            Origin::Ticket(ticket) => {
+                self.outputs.push_back(Output::Outcome { ticket, outcomes });
+            }
+            Origin::Program { conn, id } => self.send(now, conn, Frame::Receipt { id, outcomes }),
+            Origin::Peer { instance, conn, id } => {
+                if let Some(peer) = self.peers.get_mut(&instance) {
+                    peer.seen.set(id, SeenLetter::Done(outcomes.clone()));
+                }
+                self.send(now, conn, Frame::Receipt { id, outcomes });
+            }
+        }
+    }
+
+    pub(super) fn deliver(
+        &mut self,
+        now: Now,
+        pending: u64,
+        slot: usize,
+        target: Target,
+        parts: Vec<Bytes>,
+        deadline: Duration,
+    ) {
+        let id = self.id();
+        let delivery = Delivery {
+            pending,
+            slot,
+            target,
+            sent: None,
+            parts,
+            deadline,
+            via: None,
+        };
+        let octets = delivery.octets();
+        self.deliveries.insert(id, delivery);
+        self.timer(deadline, Timer::Delivery(id));
+        match target {
+            Target::Program(conn) => self.transmit_delivery(now, conn, id),
+            Target::Peer(instance) => self.queue_for_peer(now, instance, id, octets),
+            Target::Seed(seed) => self.queue_for_seed(now, seed, id),
+        }
+    }
+
+    /// Writes a copy to a connection.
+    pub(super) fn transmit_delivery(&mut self, now: Now, conn: ConnId, id: u64) {
+        let (Some(delivery), Some(open)) = (self.deliveries.get(&id), self.conns.get(&conn)) else {
+            return;
+        };
+        let octets = delivery.octets();
+        let refusal = match open.partner {
+            Partner::Daemon { max_letter, .. } if octets as u64 > max_letter => Some(format!(
+                "a letter of {octets} octets is larger than the {max_letter} it takes"
+            )),
+            _ if open.link.queued() > self.config.queue_octets => {
+                Some("too much waits to be written to it".to_owned())
+            }
+            _ => None,
+        };
+        if let Some(reason) = refusal {
+            self.finish(now, id, Outcome::Refused, Text::from(reason));
+            return;
+        }
+        let via = self.conn_via(conn);
+        let Some(delivery) = self.deliveries.get_mut(&id) else {
+            return;
+        };
+        delivery.sent = Some(conn);
+        delivery.via = Some(via);
+        let left = delivery.deadline.saturating_sub(now.mono);
+        let frame = LetterFrame {
+            id,
+            ttl_millis: ttl_for_next_hop(left),
+            parts: delivery.parts.clone(),
+        };
+        if let Some(open) = self.conns.get_mut(&conn) {
+            open.outstanding.insert(id);
+        }
+        self.send(now, conn, Frame::Letter(frame));
+    }
+
+    /// The receipt for a letter that went out on a connection.
+    pub(super) fn receipt(
+        &mut self,
+        now: Now,
+        conn: ConnId,
+        id: u64,
+        outcomes: Vec<ReceiverOutcome>,
+    ) {
+        let sent_here = self
+            .deliveries
+            .get(&id)
+            .is_some_and(|delivery| delivery.sent == Some(conn));
+        if sent_here {
+            // A copy has one receiver; more come only from one whose name is a pattern elsewhere.
+            let worst = outcomes.iter().find(|o| !o.outcome.is_success());
+            match worst.or(outcomes.first()) {
+                Some(told) => self.finish(now, id, told.outcome, told.reason.clone()),
+                None => {
+                    let reason = Text::from_static("the receipt names no receiver");
+                    self.finish(now, id, Outcome::Refused, reason);
+                }
+            }
+        }
+        if let Some(open) = self.conns.get_mut(&conn) {
+            open.outstanding.remove(&id);
+            if open.retired {
+                self.retire(now, conn);
+            }
+        }
+    }
+
+    /// Ends a delivery.
+    pub(super) fn finish(&mut self, now: Now, id: u64, outcome: Outcome, reason: Text) {
+        let Some(delivery) = self.deliveries.remove(&id) else {
+            return;
+        };
+        self.timers
+            .remove(&(delivery.deadline, Timer::Delivery(id)));
+        let Delivery {
+            pending, slot, via, ..
+        } = delivery;
+        self.settle(now, pending, slot, outcome, via, reason);
+    }
+
+    /// Makes a copy wait again whose connection ended before the receipt came.
+    pub(super) fn unsend(&mut self, id: u64) {
+        if let Some(delivery) = self.deliveries.get_mut(&id) {
+            delivery.sent = None;
+        }
+    }
+
+    pub(super) fn delivery_timeout(&mut self, now: Now, id: u64) {
+        let Some(delivery) = self.deliveries.get(&id) else {
+            return;
+        };
+        let (target, sent) = (delivery.target, delivery.sent);
+        let reason = match (target, sent) {
+            (Target::Program(_), _) => "its program did not take the letter in time".to_owned(),
+            (Target::Peer(instance), Some(_)) => {
+                format!("{} gave no receipt in time", self.peer_name(instance))
+            }
+            (Target::Peer(instance), None) => {
+                let (name, error) = (self.peer_name(instance), self.peer_error(instance));
+                format!("{name} could not be reached in time: {error}")
+            }
+            (Target::Seed(seed), _) => self.seed_error(seed),
+        };
+        if let Some(open) = sent.and_then(|conn| self.conns.get_mut(&conn)) {
+            open.outstanding.remove(&id);
+        }
+        self.finish(now, id, Outcome::Timeout, Text::from(reason));
+    }
+}
+
+/// The next hop answers a little before we give up, so that its reason reaches the sender.
+fn ttl_for_next_hop(left: Duration) -> u32 {
+    let margin = (left / 10).min(Duration::from_millis(250));
+    u32::try_from((left - margin).as_millis()).unwrap_or(u32::MAX)
+}

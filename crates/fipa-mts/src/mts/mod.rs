@@ -1,0 +1,269 @@
+//! The message transport service. This module holds its state; its parts each hold one concern.
+
+mod connections;
+mod deliveries;
+mod peers;
+mod programs;
+mod routing;
+mod seen;
+mod sync;
+
+pub(crate) use sync::record_of;
+
+use std::collections::{BTreeSet, HashMap, VecDeque};
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use fipa_acl::{Letter, Text};
+use fipa_codec::bit_efficient;
+use fipa_directory::{Address, Directory, InstanceId, Now};
+use fipa_link::Outcome;
+
+use self::connections::Conn;
+use self::deliveries::{Delivery, Origin, Pending};
+use self::peers::{Peer, Purpose, Seed};
+use self::programs::Local;
+use self::routing::Inbound;
+use crate::machine::{
+    ConnId, Connected, DialId, Machine, Notice, Output, RegisterError, Registration, Submission,
+};
+use crate::{Config, Mailbox};
+
+/// A message transport service: routes letters between its agents, attached programs and peers.
+#[derive(Debug)]
+pub struct Mts {
+    config: Config,
+    directory: Directory,
+    /// Counts the changes of our own entries.
+    version: u64,
+    conns: HashMap<ConnId, Conn>,
+    peers: HashMap<InstanceId, Peer>,
+    seeds: HashMap<u64, Seed>,
+    dials: HashMap<DialId, Purpose>,
+    locals: HashMap<Text, Local>,
+    /// Letters taken in whose outcomes are not all known.
+    pending: HashMap<u64, Pending>,
+    /// Copies of letters on their way to one receiver each.
+    deliveries: HashMap<u64, Delivery>,
+    timers: BTreeSet<(Duration, Timer)>,
+    outputs: VecDeque<Output>,
+    random: fastrand::Rng,
+    next_id: u64,
+    stamps: u64,
+    closing: bool,
+}
+
+/// What a timer is for. A timer that fires too early does no harm: its owner looks again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+enum Timer {
+    Conn(ConnId),
+    Delivery(u64),
+    Peer(InstanceId),
+    Seed(u64),
+}
+
+impl Mts {
+    /// A service without agents, links and peers.
+    pub fn new(config: Config) -> Mts {
+        Mts {
+            directory: Directory::new(),
+            version: 0,
+            conns: HashMap::new(),
+            peers: HashMap::new(),
+            seeds: HashMap::new(),
+            dials: HashMap::new(),
+            locals: HashMap::new(),
+            pending: HashMap::new(),
+            deliveries: HashMap::new(),
+            timers: BTreeSet::new(),
+            outputs: VecDeque::new(),
+            random: fastrand::Rng::with_seed(config.seed),
+            next_id: 0,
+            stamps: 0,
+            closing: false,
+            config,
+        }
+    }
+
+    /// What it was made with.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Sets where others reach the service; to be called before agents are registered.
+    pub fn set_endpoints(&mut self, endpoints: Vec<Address>) {
+        self.config.endpoints = endpoints;
+    }
+
+    /// How many letters are on their way.
+    pub fn letters_under_way(&self) -> usize {
+        self.deliveries.len()
+    }
+
+    fn id(&mut self) -> u64 {
+        self.next_id += 1;
+        self.next_id
+    }
+
+    fn notice(&mut self, notice: Notice) {
+        self.outputs.push_back(Output::Notice(notice));
+    }
+
+    fn timer(&mut self, at: Duration, timer: Timer) {
+        self.timers.insert((at, timer));
+    }
+}
+
+impl Machine for Mts {
+    fn connected(&mut self, now: Now, connected: Connected) {
+        self.open_conn(now, connected);
+    }
+
+    fn dial_failed(&mut self, now: Now, dial: DialId, reason: &str) {
+        if let Some(purpose) = self.dials.remove(&dial) {
+            self.dial_ended(now, purpose, reason);
+        }
+    }
+
+    fn received(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut) {
+        self.read_conn(now, conn, octets);
+        self.publish_changes(now);
+    }
+
+    fn closed(&mut self, now: Now, conn: ConnId, reason: &str) {
+        self.drop_conn(now, conn, reason);
+        self.publish_changes(now);
+    }
+
+    fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes> {
+        self.conns.get_mut(&conn)?.poll_transmit()
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.timers.first().map(|(at, _)| *at)
+    }
+
+    fn handle_timeout(&mut self, now: Now) {
+        while let Some((at, timer)) = self.timers.first().copied() {
+            if at > now.mono {
+                break;
+            }
+            self.timers.pop_first();
+            match timer {
+                Timer::Conn(conn) => self.conn_timeout(now, conn),
+                Timer::Delivery(id) => self.delivery_timeout(now, id),
+                Timer::Peer(instance) => self.peer_timeout(now, instance),
+                Timer::Seed(seed) => self.seed_timeout(now, seed),
+            }
+        }
+        self.publish_changes(now);
+    }
+
+    fn poll_output(&mut self) -> Option<Output> {
+        self.outputs.pop_front()
+    }
+
+    fn register(&mut self, now: Now, ticket: u64, registration: Registration) {
+        let mailbox = Mailbox::new(self.config.mailbox_letters, self.config.queue_octets);
+        let result = self.add_local(now, registration, Local::Mailbox(mailbox));
+        self.outputs
+            .push_back(Output::Registered { ticket, result });
+        self.publish_changes(now);
+    }
+
+    fn deregister(&mut self, now: Now, name: &str) {
+        self.remove_local(name);
+        self.publish_changes(now);
+    }
+
+    fn submit(&mut self, now: Now, submission: Submission) {
+        let Submission {
+            ticket,
+            letter: Letter { envelope, payload },
+            timeout,
+        } = submission;
+        let origin = Origin::Ticket(ticket);
+        let mut head = BytesMut::new();
+        if let Err(error) = bit_efficient::encode_envelope(&envelope, &mut head) {
+            let reason = Text::from(error.to_string());
+            self.answer_whole(now, origin, Outcome::Refused, reason);
+            return;
+        }
+        let inbound = Inbound {
+            parts: vec![head.freeze(), payload.clone()],
+            envelope,
+            payload,
+            from: None,
+            via: None,
+            patterns: true,
+        };
+        self.take_in(now, origin, inbound, timeout);
+        self.publish_changes(now);
+    }
+
+    fn take_mail(&mut self, name: &str) -> Option<Letter> {
+        match self.locals.get_mut(name)? {
+            Local::Mailbox(mailbox) => mailbox.pop(),
+            Local::Program(_) => None,
+        }
+    }
+
+    fn directory(&self) -> &Directory {
+        &self.directory
+    }
+
+    fn service_name(&self) -> Text {
+        self.config.name.clone()
+    }
+
+    fn shutdown(&mut self, now: Now) {
+        self.closing = true;
+        let conns: Vec<ConnId> = self.conns.keys().copied().collect();
+        for conn in conns {
+            self.part(now, conn, connections::SHUTDOWN);
+        }
+    }
+}
+
+impl Mts {
+    fn add_local(
+        &mut self,
+        now: Now,
+        registration: Registration,
+        local: Local,
+    ) -> Result<(), RegisterError> {
+        let Registration {
+            name,
+            kind,
+            description,
+        } = registration;
+        if !name.is_word() {
+            return Err(RegisterError::Name(name));
+        }
+        if self.locals.contains_key(&name) {
+            return Err(RegisterError::Held(name));
+        }
+        let description = match description.is_empty() {
+            true => Text::from(format!("Message client of {}", self.config.name)),
+            false => description,
+        };
+        let entry = fipa_directory::Entry {
+            name: name.clone(),
+            kind,
+            locations: self.own_locations(),
+            description,
+            timestamp: now.unix_millis,
+        };
+        self.locals.insert(name, local);
+        let owner = self.config.instance;
+        self.directory
+            .put(now, owner, fipa_directory::Source::Local, entry);
+        Ok(())
+    }
+
+    fn remove_local(&mut self, name: &str) {
+        if self.locals.remove(name).is_some() {
+            self.directory.remove(self.config.instance, name);
+        }
+    }
+}

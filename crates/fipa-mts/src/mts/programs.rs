@@ -1,0 +1,80 @@
+//! Programs on the control socket, and the agents that they attach.
+
+use fipa_acl::Text;
+use fipa_directory::Now;
+use fipa_link::{Frame, Outcome};
+
+use super::Mts;
+use super::deliveries::Target;
+use crate::Mailbox;
+use crate::machine::{ConnId, Registration};
+
+/// An agent that is registered here.
+#[derive(Debug)]
+pub(super) enum Local {
+    /// It lives in this process.
+    Mailbox(Mailbox),
+    /// A program attached it.
+    Program(ConnId),
+}
+
+impl Mts {
+    pub(super) fn attach(
+        &mut self,
+        now: Now,
+        conn: ConnId,
+        request: u64,
+        name: Text,
+        kind: Text,
+        description: Text,
+    ) {
+        let registration = Registration {
+            name,
+            kind,
+            description,
+        };
+        let refusal = match self.add_local(now, registration, Local::Program(conn)) {
+            Ok(()) => Text::default(),
+            Err(error) => Text::from(error.to_string()),
+        };
+        // The directory goes out first: who was told that it is attached can be found.
+        self.publish_changes(now);
+        self.send(now, conn, Frame::Answer { request, refusal });
+    }
+
+    pub(super) fn detach(&mut self, now: Now, conn: ConnId, request: u64, name: &str) {
+        let refusal = match self.locals.get(name) {
+            Some(Local::Program(holder)) if *holder == conn => {
+                self.remove_local(name);
+                Text::default()
+            }
+            _ => Text::from(format!("this connection does not hold {name}")),
+        };
+        self.publish_changes(now);
+        self.send(now, conn, Frame::Answer { request, refusal });
+    }
+
+    /// A program's connection ended: its agents go, and so does what was on its way to them.
+    pub(super) fn program_ended(&mut self, now: Now, conn: ConnId) {
+        let held = |local: &Local| matches!(local, Local::Program(holder) if *holder == conn);
+        let names: Vec<Text> = self
+            .locals
+            .iter()
+            .filter(|(_, local)| held(local))
+            .map(|(name, _)| name.clone())
+            .collect();
+        for name in names {
+            self.remove_local(&name);
+        }
+        let lost: Vec<u64> = self
+            .deliveries
+            .iter()
+            .filter(|(_, delivery)| delivery.target == Target::Program(conn))
+            .map(|(id, _)| *id)
+            .collect();
+        for id in lost {
+            let reason = "its program ended before it took the letter";
+            self.finish(now, id, Outcome::Unknown, Text::from_static(reason));
+        }
+    }
+}

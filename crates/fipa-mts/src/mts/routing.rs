@@ -1,0 +1,270 @@
+//! From a letter taken in to one delivery a receiver.
+
+use std::collections::HashSet;
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use fipa_acl::{AgentId, Envelope, FipaTime, Letter, Received, Slots, Text};
+use fipa_codec::bit_efficient;
+use fipa_directory::{Address, Field, InstanceId, Now, Pattern, Source};
+use fipa_link::Outcome;
+
+use super::Mts;
+use super::deliveries::{Origin, Target};
+use super::programs::Local;
+use crate::machine::{ConnId, Output};
+
+/// Stamps that a letter may bear before it is taken for one that travels in circles (SC00067F
+/// section 4 leaves the number open).
+const MAX_HOPS: usize = 32;
+
+/// A letter as it came.
+#[derive(Debug)]
+pub(super) struct Inbound {
+    /// Its octets, in parts that follow each other. They are passed on as they are.
+    pub(super) parts: Vec<Bytes>,
+    pub(super) envelope: Envelope,
+    pub(super) payload: Bytes,
+    /// The service that passed it on to us.
+    pub(super) from: Option<Text>,
+    /// The transport by which it came.
+    pub(super) via: Option<&'static str>,
+    /// Whether its receivers may be patterns. Between our services they are exact: the first one
+    /// resolves.
+    pub(super) patterns: bool,
+}
+
+/// A receiver, and what is to be done for it.
+struct Resolved {
+    to: AgentId,
+    route: Route,
+}
+
+enum Route {
+    Mailbox,
+    Program(ConnId),
+    Peer(InstanceId),
+    Addresses(Vec<Address>),
+    Nowhere(Outcome, Text),
+}
+
+impl Mts {
+    /// Takes in a letter and starts a delivery to each agent that it is for. `origin` learns the
+    /// outcomes once all are known.
+    pub(super) fn take_in(
+        &mut self,
+        now: Now,
+        origin: Origin,
+        inbound: Inbound,
+        timeout: Duration,
+    ) {
+        if let Some(reason) = self.travels_in_circles(&inbound.envelope) {
+            self.answer_whole(now, origin, Outcome::Refused, reason);
+            return;
+        }
+        let resolved = self.resolve_all(&inbound);
+        if resolved.is_empty() {
+            let reason = match inbound.envelope.intended_receiver() {
+                [] => Text::from_static("the envelope names no receiver"),
+                _ => Text::from_static("the pattern matches nobody but the sender"),
+            };
+            self.answer_whole(now, origin, Outcome::Unknown, reason);
+            return;
+        }
+        let deadline = now.mono + timeout.min(self.config.longest_wait);
+        let pending = self.open_pending(origin, &resolved, |resolved| resolved.to.name.clone());
+        for (slot, Resolved { to, route }) in resolved.into_iter().enumerate() {
+            self.start(now, pending, slot, &inbound, to, route, deadline);
+        }
+    }
+
+    /// Why a letter is not passed on any further: we have stamped it before, or too many have.
+    fn travels_in_circles(&self, envelope: &Envelope) -> Option<Text> {
+        let own = self.config.instance.to_string();
+        let ours = |id: &Text| {
+            id.strip_prefix(own.as_str())
+                .is_some_and(|r| r.starts_with(':'))
+        };
+        if envelope
+            .stamps()
+            .any(|stamp| stamp.id.as_ref().is_some_and(ours))
+        {
+            return Some(Text::from(format!(
+                "the letter came back to {}, where it has been before",
+                self.config.name
+            )));
+        }
+        (envelope.stamps().count() >= MAX_HOPS)
+            .then(|| Text::from(format!("the letter has passed {MAX_HOPS} services")))
+    }
+
+    /// Every agent that the letter is for, once each.
+    fn resolve_all(&self, inbound: &Inbound) -> Vec<Resolved> {
+        let sender = inbound.envelope.from().map(|from| &from.name);
+        let mut seen: HashSet<Text> = HashSet::new();
+        let mut resolved = Vec::new();
+        for receiver in inbound.envelope.intended_receiver() {
+            for (to, route) in self.resolve(receiver, sender, inbound.patterns) {
+                if seen.insert(to.name.clone()) {
+                    resolved.push(Resolved { to, route });
+                }
+            }
+        }
+        resolved
+    }
+
+    /// Exact name first; then the addresses that the receiver brings along; then the name as an
+    /// anchored pattern, which never matches the sender.
+    fn resolve(
+        &self,
+        receiver: &AgentId,
+        sender: Option<&Text>,
+        patterns: bool,
+    ) -> Vec<(AgentId, Route)> {
+        if let Some(route) = self.route_to(&receiver.name) {
+            return vec![(receiver.clone(), route)];
+        }
+        let nowhere = |reason: String| {
+            let route = Route::Nowhere(Outcome::Unknown, Text::from(reason));
+            vec![(receiver.clone(), route)]
+        };
+        let addresses: Vec<Address> = receiver
+            .addresses
+            .iter()
+            .filter_map(|url| url.parse().ok())
+            .filter(|address| !self.config.endpoints.contains(address))
+            .collect();
+        if !addresses.is_empty() {
+            return vec![(receiver.clone(), Route::Addresses(addresses))];
+        }
+        if !patterns {
+            let here = &self.config.name;
+            return nowhere(format!("no agent of this name is known at {here}"));
+        }
+        let pattern = match Pattern::new(&receiver.name) {
+            Ok(pattern) => pattern,
+            Err(error) => {
+                return nowhere(format!("no agent of this name is known, and {error}"));
+            }
+        };
+        let mut names: Vec<&Text> = self
+            .directory
+            .search(&pattern, Field::Name)
+            .map(|record| &record.entry.name)
+            .collect();
+        if names.is_empty() {
+            return nowhere("no agent of this name is known".to_owned());
+        }
+        names.sort();
+        names
+            .into_iter()
+            .filter(|name| Some(*name) != sender)
+            .filter_map(|name| Some((AgentId::new(name), self.route_to(name)?)))
+            .collect()
+    }
+
+    fn route_to(&self, name: &Text) -> Option<Route> {
+        match self.locals.get(name) {
+            Some(Local::Mailbox(_)) => return Some(Route::Mailbox),
+            Some(Local::Program(conn)) => return Some(Route::Program(*conn)),
+            None => {}
+        }
+        let record = self.directory.find(name)?;
+        (record.source != Source::Local).then_some(Route::Peer(record.owner))
+    }
+
+    #[allow(clippy::too_many_arguments)] // One call; the parts of one decision.
+    fn start(
+        &mut self,
+        now: Now,
+        pending: u64,
+        slot: usize,
+        inbound: &Inbound,
+        to: AgentId,
+        route: Route,
+        deadline: Duration,
+    ) {
+        let name = to.name.clone();
+        let target = match route {
+            Route::Nowhere(outcome, reason) => {
+                self.settle(now, pending, slot, outcome, None, reason);
+                return;
+            }
+            Route::Mailbox => {
+                let overlay = self.overlay(now, inbound, to);
+                self.put_into_mailbox(now, pending, slot, inbound, overlay, &name);
+                return;
+            }
+            Route::Program(conn) => Target::Program(conn),
+            Route::Peer(instance) => Target::Peer(instance),
+            Route::Addresses(addresses) => Target::Seed(self.seed_for(now, addresses)),
+        };
+        let overlay = self.overlay(now, inbound, to);
+        let mut head = BytesMut::with_capacity(192);
+        if let Err(error) = bit_efficient::encode_overlay(&overlay, &mut head) {
+            let reason = Text::from(error.to_string());
+            self.settle(now, pending, slot, Outcome::Refused, None, reason);
+            return;
+        }
+        let mut parts = Vec::with_capacity(1 + inbound.parts.len());
+        parts.push(head.freeze());
+        parts.extend(inbound.parts.iter().cloned());
+        self.deliver(now, pending, slot, target, parts, deadline);
+    }
+
+    fn put_into_mailbox(
+        &mut self,
+        now: Now,
+        pending: u64,
+        slot: usize,
+        inbound: &Inbound,
+        overlay: Slots,
+        name: &Text,
+    ) {
+        let mut envelope = inbound.envelope.clone();
+        envelope.overlays.push(overlay);
+        let letter = Letter {
+            envelope,
+            payload: inbound.payload.clone(),
+        };
+        let taken = match self.locals.get_mut(name) {
+            Some(Local::Mailbox(mailbox)) => mailbox.push(letter),
+            _ => Ok(()),
+        };
+        let via = Some(Text::from_static("local"));
+        match taken {
+            Ok(()) => {
+                self.outputs.push_back(Output::Mail(name.clone()));
+                self.settle(now, pending, slot, Outcome::Delivered, via, Text::default());
+            }
+            Err(full) => {
+                let reason = Text::from(full.to_string());
+                self.settle(now, pending, slot, Outcome::Refused, via, reason);
+            }
+        }
+    }
+
+    /// Our stamp, and the receiver that this copy is dedicated to where the letter had others.
+    fn overlay(&mut self, now: Now, inbound: &Inbound, to: AgentId) -> Slots {
+        self.stamps += 1;
+        let dedicated = match inbound.envelope.intended_receiver() {
+            [only] => *only == to,
+            _ => false,
+        };
+        Slots {
+            received: Some(Received {
+                by: self.config.name.clone(),
+                from: inbound.from.clone(),
+                date: FipaTime::from_unix_millis(now.unix_millis),
+                id: Some(Text::from(format!(
+                    "{}:{}",
+                    self.config.instance, self.stamps
+                ))),
+                via: inbound.via.map(Text::from_static),
+                user_defined: Vec::new(),
+            }),
+            intended_receiver: if dedicated { Vec::new() } else { vec![to] },
+            ..Slots::default()
+        }
+    }
+}

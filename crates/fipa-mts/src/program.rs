@@ -1,0 +1,609 @@
+//! The program's end of a control link.
+
+use std::collections::{BTreeSet, HashMap, VecDeque};
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use fipa_acl::{Letter, Text};
+use fipa_codec::bit_efficient;
+use fipa_directory::{Directory, InstanceId, Now, Record};
+use fipa_link::{
+    DirectoryFrame, Event, Frame, Hello, LetterFrame, Link, LinkConfig, Outcome, ReceiverOutcome,
+    Role,
+};
+
+use crate::machine::{
+    ConnId, Connected, DialId, Machine, Notice, Output, RegisterError, Registration, Submission,
+};
+use crate::mts::record_of;
+use crate::{Mailbox, ProgramConfig};
+
+/// The pause between two dials of a daemon that is not there.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// A program that attaches agents to a daemon.
+///
+/// When the daemon ends it is looked for, and the agents are attached again; letters of which
+/// nothing is known then are reported as such, and never sent twice.
+#[derive(Debug)]
+pub struct Program {
+    config: ProgramConfig,
+    directory: Directory,
+    /// Owners and names that a snapshot under way has brought.
+    snapshot: Option<Vec<Record>>,
+    /// A whole snapshot has come.
+    directory_known: bool,
+    service: Text,
+    conn: Option<(ConnId, Link)>,
+    open: bool,
+    ever_open: bool,
+    announced: bool,
+    agents: HashMap<Text, Attached>,
+    /// Attach requests that wait for their answers: the name, and the ticket of the first time.
+    requests: HashMap<u64, (Text, Option<u64>)>,
+    letters: HashMap<u64, Sent>,
+    deadlines: BTreeSet<(Duration, u64)>,
+    /// Letters handed in while the daemon was not there.
+    waiting: VecDeque<u64>,
+    redial: Option<Duration>,
+    lost_since: Option<Duration>,
+    given_up: bool,
+    link_timer: Option<Duration>,
+    outputs: VecDeque<Output>,
+    next_id: u64,
+}
+
+#[derive(Debug)]
+struct Attached {
+    registration: Registration,
+    mailbox: Mailbox,
+    /// The daemon has said yes once.
+    confirmed: bool,
+}
+
+#[derive(Debug)]
+struct Sent {
+    ticket: u64,
+    parts: Vec<Bytes>,
+    deadline: Duration,
+    transmitted: bool,
+}
+
+impl Program {
+    /// A program that dials its daemon at once.
+    pub fn new(config: ProgramConfig, now: Now) -> Program {
+        let mut program = Program {
+            directory: Directory::new(),
+            snapshot: None,
+            directory_known: false,
+            service: Text::default(),
+            conn: None,
+            open: false,
+            ever_open: false,
+            announced: false,
+            agents: HashMap::new(),
+            requests: HashMap::new(),
+            letters: HashMap::new(),
+            deadlines: BTreeSet::new(),
+            waiting: VecDeque::new(),
+            redial: None,
+            lost_since: Some(now.mono),
+            given_up: false,
+            link_timer: None,
+            outputs: VecDeque::new(),
+            next_id: 0,
+            config,
+        };
+        program.dial();
+        program
+    }
+
+    /// Whether the daemon has sent its directory since the program met it first.
+    pub fn has_directory(&self) -> bool {
+        self.directory_known
+    }
+
+    fn id(&mut self) -> u64 {
+        self.next_id += 1;
+        self.next_id
+    }
+
+    fn dial(&mut self) {
+        let dial = DialId(self.id());
+        let addresses = vec![self.config.control.clone()];
+        self.outputs.push_back(Output::Dial { dial, addresses });
+    }
+
+    fn send(&mut self, now: Now, frame: Frame) {
+        if let Some((_, link)) = &mut self.conn {
+            link.send(now, frame);
+        }
+        self.announce_transmit();
+    }
+
+    fn announce_transmit(&mut self) {
+        if let Some((conn, link)) = &self.conn
+            && link.queued() > 0
+            && !std::mem::replace(&mut self.announced, true)
+        {
+            self.outputs.push_back(Output::Transmit(*conn));
+        }
+    }
+
+    fn on_event(&mut self, now: Now, event: Event) {
+        match event {
+            Event::Opened(hello) => self.on_open(now, hello),
+            Event::Frame(frame) => self.on_frame(now, frame),
+            // A daemon on this machine that is silent for a while may be stopped: wait for it.
+            Event::Silent | Event::Heard => {}
+        }
+    }
+
+    fn on_open(&mut self, now: Now, hello: Hello) {
+        self.service = hello.name;
+        self.open = true;
+        self.ever_open = true;
+        self.lost_since = None;
+        self.outputs.push_back(Output::Notice(Notice::DaemonUp));
+        if self.config.watch {
+            self.send(now, Frame::Watch);
+        }
+        let names: Vec<Text> = self.agents.keys().cloned().collect();
+        for name in names {
+            self.attach(now, name, None);
+        }
+        for id in std::mem::take(&mut self.waiting) {
+            self.transmit(now, id);
+        }
+    }
+
+    fn attach(&mut self, now: Now, name: Text, ticket: Option<u64>) {
+        let Some(agent) = self.agents.get(&name) else {
+            return;
+        };
+        let Registration {
+            kind, description, ..
+        } = agent.registration.clone();
+        let request = self.id();
+        // A request of an earlier link has no answer any more; its ticket goes on with this one.
+        let earlier = self.requests.iter().find(|(_, (n, _))| *n == name);
+        let earlier = earlier.map(|(request, _)| *request);
+        let carried = earlier.and_then(|r| self.requests.remove(&r)?.1);
+        self.requests
+            .insert(request, (name.clone(), ticket.or(carried)));
+        if self.open {
+            self.send(
+                now,
+                Frame::Attach {
+                    request,
+                    name,
+                    kind,
+                    description,
+                },
+            );
+        }
+    }
+
+    fn on_frame(&mut self, now: Now, frame: Frame) {
+        match frame {
+            Frame::Letter(letter) => self.on_letter(now, letter),
+            Frame::Receipt { id, outcomes } => self.on_receipt(id, outcomes),
+            Frame::Answer { request, refusal } => self.on_answer(request, refusal),
+            Frame::Directory(directory) => self.on_directory(now, directory),
+            // The end of the stream follows.
+            _ => {}
+        }
+    }
+
+    /// A letter for one of our agents: its daemon has resolved the receivers to names.
+    fn on_letter(&mut self, now: Now, frame: LetterFrame) {
+        let id = frame.id;
+        let octets = frame.parts.into_iter().next().unwrap_or_default();
+        let outcomes = match bit_efficient::decode_envelope(&octets, &self.config.limits) {
+            Ok((envelope, payload)) => {
+                let letter = Letter {
+                    envelope,
+                    payload: octets.slice(payload..),
+                };
+                self.put_into_mailboxes(letter)
+            }
+            Err(error) => {
+                let reason = format!("the envelope cannot be read: {error}");
+                vec![outcome("", Outcome::Refused, &reason)]
+            }
+        };
+        self.send(now, Frame::Receipt { id, outcomes });
+    }
+
+    fn put_into_mailboxes(&mut self, letter: Letter) -> Vec<ReceiverOutcome> {
+        let mut outcomes = Vec::new();
+        for receiver in letter.envelope.intended_receiver() {
+            let name = &receiver.name;
+            let told = match self.agents.get_mut(name) {
+                None => outcome(name, Outcome::Unknown, "the program has no such agent"),
+                Some(agent) => match agent.mailbox.push(letter.clone()) {
+                    Ok(()) => {
+                        self.outputs.push_back(Output::Mail(name.clone()));
+                        outcome(name, Outcome::Delivered, "")
+                    }
+                    Err(full) => outcome(name, Outcome::Refused, &full.to_string()),
+                },
+            };
+            outcomes.push(told);
+        }
+        outcomes
+    }
+
+    fn on_receipt(&mut self, id: u64, outcomes: Vec<ReceiverOutcome>) {
+        if let Some(sent) = self.letters.remove(&id) {
+            self.deadlines.remove(&(sent.deadline, id));
+            let ticket = sent.ticket;
+            self.outputs.push_back(Output::Outcome { ticket, outcomes });
+        }
+    }
+
+    fn on_answer(&mut self, request: u64, refusal: Text) {
+        let Some((name, ticket)) = self.requests.remove(&request) else {
+            return;
+        };
+        let result = if refusal.is_empty() {
+            if let Some(agent) = self.agents.get_mut(&name) {
+                agent.confirmed = true;
+            }
+            Ok(())
+        } else {
+            self.agents.remove(&name);
+            Err(RegisterError::Refused(refusal.clone()))
+        };
+        match (ticket, &result) {
+            (Some(ticket), _) => self
+                .outputs
+                .push_back(Output::Registered { ticket, result }),
+            // After a restart of the daemon somebody else was faster.
+            (None, Err(_)) => self.outputs.push_back(Output::Notice(Notice::LinkFailed {
+                with: name,
+                reason: refusal,
+            })),
+            (None, Ok(())) => {}
+        }
+    }
+
+    fn on_directory(&mut self, now: Now, frame: DirectoryFrame) {
+        if frame.snapshot {
+            self.snapshot = Some(Vec::new());
+        }
+        match &mut self.snapshot {
+            Some(snapshot) => {
+                let records = frame
+                    .items
+                    .into_iter()
+                    .filter_map(|i| record_of(now, i).ok());
+                snapshot.extend(records);
+                if !frame.more {
+                    let records = self.snapshot.take().unwrap_or_default();
+                    self.replace_directory(records);
+                    self.directory_known = true;
+                }
+            }
+            None => {
+                for item in frame.items {
+                    match record_of(now, item) {
+                        Ok(record) => self.directory.put_record(record),
+                        Err((owner, name)) => {
+                            self.directory.remove(owner, &name);
+                        }
+                    }
+                }
+            }
+        }
+        self.publish_changes();
+    }
+
+    fn replace_directory(&mut self, records: Vec<Record>) {
+        let kept: BTreeSet<(InstanceId, Text)> = records
+            .iter()
+            .map(|record| (record.owner, record.entry.name.clone()))
+            .collect();
+        let gone: Vec<(InstanceId, Text)> = self
+            .directory
+            .iter()
+            .map(|record| (record.owner, record.entry.name.clone()))
+            .filter(|key| !kept.contains(key))
+            .collect();
+        for (owner, name) in gone {
+            self.directory.remove(owner, &name);
+        }
+        for record in records {
+            self.directory.put_record(record);
+        }
+    }
+
+    fn publish_changes(&mut self) {
+        while let Some(change) = self.directory.poll_change() {
+            self.outputs.push_back(Output::Directory(change));
+        }
+    }
+
+    fn transmit(&mut self, now: Now, id: u64) {
+        let Some(sent) = self.letters.get_mut(&id) else {
+            return;
+        };
+        sent.transmitted = true;
+        let left = sent.deadline.saturating_sub(now.mono);
+        let frame = LetterFrame {
+            id,
+            ttl_millis: u32::try_from(left.as_millis()).unwrap_or(u32::MAX),
+            parts: std::mem::take(&mut sent.parts),
+        };
+        self.send(now, Frame::Letter(frame));
+    }
+
+    /// The daemon is lost, or was not there: letters that went out have an unknown fate.
+    fn lost(&mut self, now: Now, reason: &str) {
+        self.conn = None;
+        self.open = false;
+        self.announced = false;
+        self.link_timer = None;
+        let since = *self.lost_since.get_or_insert(now.mono);
+        let fate: Vec<u64> = self
+            .letters
+            .iter()
+            .filter(|(_, sent)| sent.transmitted)
+            .map(|(id, _)| *id)
+            .collect();
+        for id in fate {
+            let why = format!("the daemon went away before it said what became of it: {reason}");
+            self.on_receipt(id, vec![outcome("", Outcome::Timeout, &why)]);
+        }
+        let patience = match self.ever_open {
+            true => self.config.patience,
+            false => Duration::ZERO,
+        };
+        if now.mono >= since + patience {
+            self.give_up(reason);
+            return;
+        }
+        if since == now.mono {
+            let reason = Text::from(reason);
+            self.outputs
+                .push_back(Output::Notice(Notice::DaemonLost { reason }));
+        }
+        self.redial = Some(now.mono + PAUSE);
+    }
+
+    fn give_up(&mut self, reason: &str) {
+        self.given_up = true;
+        for id in std::mem::take(&mut self.waiting) {
+            let why = "there is no daemon at the control socket";
+            self.on_receipt(id, vec![outcome("", Outcome::Timeout, why)]);
+        }
+        let requests = std::mem::take(&mut self.requests);
+        for ticket in requests.into_values().filter_map(|(_, ticket)| ticket) {
+            let result = Err(RegisterError::NoDaemon);
+            self.outputs
+                .push_back(Output::Registered { ticket, result });
+        }
+        let reason = Text::from(reason);
+        self.outputs
+            .push_back(Output::Notice(Notice::DaemonGivenUp { reason }));
+    }
+}
+
+fn outcome(to: &str, outcome: Outcome, reason: &str) -> ReceiverOutcome {
+    ReceiverOutcome {
+        to: Text::from(to),
+        outcome,
+        via: None,
+        reason: Text::from(reason),
+    }
+}
+
+impl Machine for Program {
+    fn connected(&mut self, now: Now, connected: Connected) {
+        let hello = Hello {
+            version: Hello::VERSION,
+            role: Role::Program,
+            instance: self.config.instance,
+            name: self.config.name.clone(),
+            scope: Text::default(),
+            endpoints: Vec::new(),
+            max_letter: self.config.max_letter as u64,
+            unix_millis: now.unix_millis,
+        };
+        let link = Link::new(LinkConfig::new(hello), now);
+        self.link_timer = Some(link.poll_timeout());
+        self.conn = Some((connected.conn, link));
+        self.announced = false;
+        self.announce_transmit();
+    }
+
+    fn dial_failed(&mut self, now: Now, _dial: DialId, reason: &str) {
+        self.lost(now, reason);
+    }
+
+    fn received(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut) {
+        loop {
+            let event = match &mut self.conn {
+                Some((open, link)) if *open == conn => link.receive(now, octets),
+                _ => return octets.clear(),
+            };
+            match event {
+                Ok(None) => break,
+                Ok(Some(event)) => self.on_event(now, event),
+                Err(error) => {
+                    self.outputs.push_back(Output::Close(conn));
+                    self.lost(now, &error.to_string());
+                    return;
+                }
+            }
+        }
+        self.announce_transmit();
+    }
+
+    fn closed(&mut self, now: Now, conn: ConnId, reason: &str) {
+        if self.conn.as_ref().is_some_and(|(open, _)| *open == conn) {
+            self.lost(now, reason);
+        }
+    }
+
+    fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes> {
+        let (open, link) = self.conn.as_mut()?;
+        let part = (*open == conn).then(|| link.poll_transmit())?;
+        if part.is_none() {
+            self.announced = false;
+        }
+        part
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        let deadline = self.deadlines.first().map(|(at, _)| *at);
+        [deadline, self.redial, self.link_timer]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    fn handle_timeout(&mut self, now: Now) {
+        while let Some((at, id)) = self.deadlines.first().copied() {
+            if at > now.mono {
+                break;
+            }
+            let reason = match self.open {
+                true => "the daemon gave no receipt in time",
+                false => "there is no daemon at the control socket",
+            };
+            self.waiting.retain(|waiting| *waiting != id);
+            self.deadlines.remove(&(at, id));
+            self.on_receipt(id, vec![outcome("", Outcome::Timeout, reason)]);
+        }
+        if self.redial.is_some_and(|at| at <= now.mono) {
+            self.redial = None;
+            self.dial();
+        }
+        if self.link_timer.is_some_and(|at| at <= now.mono)
+            && let Some((conn, link)) = &mut self.conn
+        {
+            let conn = *conn;
+            match link.handle_timeout(now) {
+                Ok(_) => {
+                    self.link_timer = Some(link.poll_timeout());
+                    self.announce_transmit();
+                }
+                Err(error) => {
+                    self.outputs.push_back(Output::Close(conn));
+                    self.lost(now, &error.to_string());
+                }
+            }
+        }
+    }
+
+    fn poll_output(&mut self) -> Option<Output> {
+        self.outputs.pop_front()
+    }
+
+    fn register(&mut self, now: Now, ticket: u64, registration: Registration) {
+        let name = registration.name.clone();
+        let refusal = if !name.is_word() {
+            Some(RegisterError::Name(name.clone()))
+        } else if self.agents.contains_key(&name) {
+            Some(RegisterError::Held(name.clone()))
+        } else if self.given_up {
+            Some(RegisterError::NoDaemon)
+        } else {
+            None
+        };
+        if let Some(error) = refusal {
+            let result = Err(error);
+            self.outputs
+                .push_back(Output::Registered { ticket, result });
+            return;
+        }
+        let mailbox = Mailbox::new(self.config.mailbox_letters, self.config.queue_octets);
+        self.agents.insert(
+            name.clone(),
+            Attached {
+                registration,
+                mailbox,
+                confirmed: false,
+            },
+        );
+        self.attach(now, name, Some(ticket));
+    }
+
+    fn deregister(&mut self, now: Now, name: &str) {
+        let Some((name, agent)) = self.agents.remove_entry(name) else {
+            return;
+        };
+        if agent.confirmed && self.open {
+            let request = self.id();
+            self.send(now, Frame::Detach { request, name });
+        }
+    }
+
+    fn submit(&mut self, now: Now, submission: Submission) {
+        let Submission {
+            ticket,
+            letter,
+            timeout,
+        } = submission;
+        let mut head = BytesMut::new();
+        let refusal = match bit_efficient::encode_envelope(&letter.envelope, &mut head) {
+            Ok(()) if letter.payload.len() > self.config.max_letter => Some(format!(
+                "a letter of {} octets is larger than the {} that are allowed",
+                letter.payload.len(),
+                self.config.max_letter
+            )),
+            Ok(()) => None,
+            Err(error) => Some(error.to_string()),
+        };
+        if let Some(reason) = refusal {
+            let outcomes = vec![outcome("", Outcome::Refused, &reason)];
+            self.outputs.push_back(Output::Outcome { ticket, outcomes });
+            return;
+        }
+        if self.given_up {
+            let reason = "there is no daemon at the control socket";
+            let outcomes = vec![outcome("", Outcome::Timeout, reason)];
+            self.outputs.push_back(Output::Outcome { ticket, outcomes });
+            return;
+        }
+        let id = self.id();
+        // The daemon's own answer, with its reason, comes a little before we give up.
+        let deadline = now.mono + timeout + Duration::from_millis(500);
+        let parts = vec![head.freeze(), letter.payload];
+        let sent = Sent {
+            ticket,
+            parts,
+            deadline,
+            transmitted: false,
+        };
+        self.letters.insert(id, sent);
+        self.deadlines.insert((deadline, id));
+        if self.open {
+            self.transmit(now, id);
+        } else {
+            self.waiting.push_back(id);
+        }
+    }
+
+    fn take_mail(&mut self, name: &str) -> Option<Letter> {
+        self.agents.get_mut(name)?.mailbox.pop()
+    }
+
+    fn directory(&self) -> &Directory {
+        &self.directory
+    }
+
+    fn service_name(&self) -> Text {
+        self.service.clone()
+    }
+
+    fn shutdown(&mut self, now: Now) {
+        self.given_up = true;
+        self.redial = None;
+        self.send(now, Frame::Goodbye(Text::from_static("the program ends")));
+        if let Some((conn, _)) = self.conn {
+            self.outputs.push_back(Output::Close(conn));
+        }
+    }
+}
