@@ -1,0 +1,197 @@
+//! Nodes: made, restarted, discovered.
+
+use fipa_acl::Text;
+use fipa_directory::{Address, Directory, InstanceId};
+use fipa_mts::{Config, Machine, Mts, Program, ProgramConfig};
+
+use crate::node::{Collected, Node, NodeId, Recipe, Running};
+use crate::sim::Sim;
+
+impl Sim {
+    /// A daemon with the usual settings on a host of its own.
+    pub fn daemon(&mut self, name: &str) -> NodeId {
+        self.daemon_with(name, |_| ())
+    }
+
+    /// A daemon on a host of its own. It listens at its endpoints - `tcp://NAME:4100` unless they
+    /// are set - and at a control socket.
+    pub fn daemon_with(&mut self, name: &str, set: impl FnOnce(&mut Config)) -> NodeId {
+        let node = NodeId(self.nodes.len());
+        let mut config = Config::new(self.instance(), name);
+        config.endpoints = vec![Address::tcp(name, 4100)];
+        set(&mut config);
+        let mut listening = vec![(control_socket(node), true)];
+        listening.extend(config.endpoints.iter().map(|at| (at.clone(), false)));
+        for (address, control) in &listening {
+            self.addresses.insert(address.clone(), (node, *control));
+        }
+        let recipe = Recipe::Daemon(Box::new(config));
+        self.nodes.push(Node::new(recipe, node, listening));
+        self.start(node);
+        node
+    }
+
+    /// A program on the host of a daemon, with the usual settings.
+    pub fn program(&mut self, name: &str, daemon: NodeId) -> NodeId {
+        self.program_with(name, daemon, |_| ())
+    }
+
+    /// A program on the host of a daemon.
+    pub fn program_with(
+        &mut self,
+        name: &str,
+        daemon: NodeId,
+        set: impl FnOnce(&mut ProgramConfig),
+    ) -> NodeId {
+        let node = NodeId(self.nodes.len());
+        let control = control_socket(self.nodes[daemon.0].host);
+        let mut config = ProgramConfig::new(self.instance(), name, control);
+        set(&mut config);
+        let recipe = Recipe::Program(Box::new(config));
+        let host = self.nodes[daemon.0].host;
+        self.nodes.push(Node::new(recipe, host, Vec::new()));
+        self.start(node);
+        node
+    }
+
+    /// Starts a node anew that crashed or was shut down: with another instance id, the same name
+    /// and addresses, and the peers that it was given. Its agents are gone.
+    pub fn restart(&mut self, node: NodeId) {
+        if self.is_up(node) {
+            self.crash(node);
+        }
+        let instance = self.instance();
+        match &mut self.nodes[node.0].recipe {
+            Recipe::Daemon(config) => config.instance = instance,
+            Recipe::Program(config) => config.instance = instance,
+        }
+        self.start(node);
+    }
+
+    fn start(&mut self, node: NodeId) {
+        let now = self.now;
+        let starting = &mut self.nodes[node.0];
+        starting.run += 1;
+        starting.running = match starting.recipe.clone() {
+            Recipe::Daemon(config) => {
+                let mut mts = Mts::new(*config);
+                for peer in &starting.peers {
+                    mts.add_peer(now, peer.clone());
+                }
+                Running::Daemon(Box::new(mts))
+            }
+            Recipe::Program(config) => Running::Program(Box::new(Program::new(*config, now))),
+        };
+        self.settle(node);
+    }
+
+    fn instance(&mut self) -> InstanceId {
+        let mut octets = [0; 16];
+        self.random.fill(&mut octets);
+        InstanceId::from_bytes(octets)
+    }
+
+    /// Whether a process runs there.
+    pub fn is_up(&self, node: NodeId) -> bool {
+        self.nodes[node.0].machine().is_some()
+    }
+
+    /// Where a daemon is reached first.
+    pub fn address(&self, node: NodeId) -> Address {
+        let mut listening = self.nodes[node.0].listening.iter();
+        let found = listening.find(|(_, control)| !control);
+        found
+            .map(|(address, _)| address.clone())
+            .expect("a daemon that listens")
+    }
+
+    /// Gives a daemon the address of a peer.
+    pub fn add_peer(&mut self, node: NodeId, peer: Address) {
+        self.nodes[node.0].peers.push(peer.clone());
+        let now = self.now;
+        if let Running::Daemon(mts) = &mut self.nodes[node.0].running {
+            mts.add_peer(now, peer);
+        }
+        self.settle(node);
+    }
+
+    /// mDNS: every daemon finds every other that it can reach.
+    pub fn discover_all(&mut self) {
+        for node in 0..self.nodes.len() {
+            self.discover(NodeId(node));
+        }
+    }
+
+    /// mDNS: every daemon that is there finds this one, if it is there.
+    pub fn discover(&mut self, found: NodeId) {
+        let Running::Daemon(mts) = &self.nodes[found.0].running else {
+            return;
+        };
+        let config = mts.config();
+        let (instance, name) = (config.instance, config.name.clone());
+        let addresses = config.endpoints.clone();
+        for node in (0..self.nodes.len()).map(NodeId) {
+            let there = &self.nodes[node.0];
+            if node == found || there.frozen || self.is_cut(node, found) {
+                continue;
+            }
+            let now = self.now;
+            if let Running::Daemon(mts) = &mut self.nodes[node.0].running {
+                mts.discovered(now, instance, name.clone(), addresses.clone());
+                self.settle(node);
+            }
+        }
+    }
+
+    /// The daemon that runs on a node.
+    ///
+    /// # Panics
+    ///
+    /// When none does.
+    pub fn mts(&self, node: NodeId) -> &Mts {
+        match &self.nodes[node.0].running {
+            Running::Daemon(mts) => mts,
+            _ => panic!("no daemon runs at {node:?}"),
+        }
+    }
+
+    /// The id of the daemon that runs on a node.
+    pub fn instance_of(&self, node: NodeId) -> InstanceId {
+        self.mts(node).config().instance
+    }
+
+    /// The directory of a node.
+    ///
+    /// # Panics
+    ///
+    /// When nothing runs there.
+    pub fn directory(&self, node: NodeId) -> &Directory {
+        let machine = self.nodes[node.0].machine();
+        machine.map(Machine::directory).expect("a node that runs")
+    }
+
+    /// The names in the directory of a node, sorted; one that several hold is there as often.
+    pub fn names(&self, node: NodeId) -> Vec<Text> {
+        let records = self.directory(node).iter();
+        let mut names: Vec<Text> = records.map(|record| record.entry.name.clone()).collect();
+        names.sort();
+        names
+    }
+
+    /// What a node has told.
+    pub fn collected(&self, node: NodeId) -> &Collected {
+        &self.nodes[node.0].collected
+    }
+
+    /// Forgets what a node has told of notices, changes and dials.
+    pub fn forget(&mut self, node: NodeId) {
+        let collected = &mut self.nodes[node.0].collected;
+        collected.notices.clear();
+        collected.changes.clear();
+        collected.dials.clear();
+    }
+}
+
+fn control_socket(host: NodeId) -> Address {
+    Address::Unix(format!("/run/fipa-{}.sock", host.0))
+}

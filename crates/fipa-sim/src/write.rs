@@ -1,0 +1,113 @@
+//! Writing to streams, and ending them.
+
+use std::time::Duration;
+
+use fipa_mts::ConnId;
+
+use crate::events::Event;
+use crate::net::{EndState, Item};
+use crate::node::NodeId;
+use crate::sim::Sim;
+
+/// Octets that a slow stream takes at once.
+const PIECE: usize = 64 << 10;
+
+impl Sim {
+    /// Writes what a machine has for a connection, as far as the stream takes it now.
+    pub(crate) fn pump(&mut self, node: NodeId, conn: ConnId) {
+        let Some((stream, side)) = self.nodes[node.0].conns.get(&conn).copied() else {
+            return;
+        };
+        let now = self.now.mono;
+        let mut arrivals = Vec::new();
+        let mut into_nothing = false;
+        while let Some(open) = self.streams.get_mut(&stream) {
+            let from = &mut open.ends[side];
+            if open.network.octets_per_second.is_some() && from.free_at > now {
+                return self.arrivals(stream, 1 - side, arrivals);
+            }
+            let machine = self.nodes[node.0].machine_mut();
+            let part = from.outbox.pop_front();
+            let Some(mut part) = part.or_else(|| machine?.poll_transmit(conn)) else {
+                break;
+            };
+            if open.ends[1 - side].state == EndState::Ended {
+                into_nothing = true;
+                continue;
+            }
+            let mut piece = part.len();
+            if open.network.split && part.len() > 1 && open.random.bool() {
+                piece = open.random.usize(1..part.len());
+            }
+            if let Some(speed) = open.network.octets_per_second {
+                piece = piece.min(PIECE);
+                let from = &mut open.ends[side];
+                from.free_at = now + Duration::from_secs_f64(piece as f64 / speed as f64);
+                let at = from.free_at;
+                let run = self.nodes[node.0].run;
+                self.queue.put(at, Event::Pump { node, run, conn });
+            }
+            let rest = part.split_off(piece);
+            if !rest.is_empty() {
+                open.ends[side].outbox.push_front(rest);
+            }
+            arrivals.push(open.put(now, 1 - side, Item::Octets(part)));
+        }
+        self.arrivals(stream, 1 - side, arrivals);
+        if into_nothing {
+            self.answer_reset(stream, side);
+        }
+        let closing = self.streams.get(&stream);
+        if closing.is_some_and(|open| open.ends[side].closing) {
+            self.end_side(stream, side, Some("the other side closed the connection"));
+            self.closed_here(node, conn);
+        }
+    }
+
+    /// A host whose process is gone says so to whoever writes; one without power says nothing.
+    fn answer_reset(&mut self, stream: u64, side: usize) {
+        let now = self.now.mono;
+        if let Some(open) = self.streams.get_mut(&stream)
+            && self.nodes[open.ends[1 - side].node.0].machine().is_some()
+        {
+            let at = open.put(now, side, Item::End("connection reset by peer"));
+            self.arrivals(stream, side, vec![at]);
+        }
+    }
+
+    fn arrivals(&mut self, stream: u64, side: usize, mut at: Vec<Duration>) {
+        at.dedup();
+        for at in at {
+            self.queue.put(at, Event::Arrive { stream, side });
+        }
+    }
+
+    /// Closes a connection once what waits is written.
+    pub(crate) fn close(&mut self, node: NodeId, conn: ConnId) {
+        if let Some((stream, side)) = self.nodes[node.0].conns.get(&conn).copied()
+            && let Some(open) = self.streams.get_mut(&stream)
+        {
+            open.ends[side].closing = true;
+            self.pump(node, conn);
+        }
+    }
+
+    /// Ends one end of a stream; the other one is told, or not.
+    pub(crate) fn end_side(&mut self, stream: u64, side: usize, told: Option<&'static str>) {
+        let now = self.now.mono;
+        let Some(open) = self.streams.get_mut(&stream) else {
+            return;
+        };
+        if let EndState::Open(conn) = open.ends[side].state {
+            self.nodes[open.ends[side].node.0].conns.remove(&conn);
+        }
+        open.ends[side].state = EndState::Ended;
+        open.ends[side].arriving.clear();
+        if open.ends[1 - side].state == EndState::Ended {
+            self.streams.remove(&stream);
+        } else if let Some(reason) = told {
+            let at = open.put(now, 1 - side, Item::End(reason));
+            self.arrivals(stream, 1 - side, vec![at]);
+        }
+    }
+}

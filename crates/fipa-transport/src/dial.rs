@@ -1,0 +1,87 @@
+use std::io;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use fipa_directory::Address;
+use tokio::task::JoinSet;
+
+use crate::Stream;
+use crate::{tcp, unix};
+
+/// How long one address may take.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// How long an address is tried before the next is tried beside it (RFC 8305).
+const STAGGER: Duration = Duration::from_millis(250);
+
+/// None of the addresses was reached.
+#[derive(Debug, thiserror::Error)]
+#[error("{}", describe(.0))]
+pub struct DialError(Vec<(Address, io::Error)>);
+
+fn describe(failures: &[(Address, io::Error)]) -> String {
+    let each = failures
+        .iter()
+        .map(|(address, e)| format!("{address}: {e}"));
+    match each.collect::<Vec<_>>().join("; ") {
+        none if none.is_empty() => "no address is known".to_owned(),
+        each => each,
+    }
+}
+
+/// Opens a stream to the first of the addresses that answers. They are tried in their order, each
+/// a quarter of a second after the one before, or as soon as that one fails.
+pub async fn dial(addresses: &[Address]) -> Result<(Stream, Address), DialError> {
+    let mut attempts = JoinSet::new();
+    let mut failures = Vec::new();
+    let mut rest = addresses.iter();
+    loop {
+        match rest.next() {
+            Some(address) => {
+                let address = address.clone();
+                attempts.spawn(async move {
+                    let result = connect(&address).await;
+                    (address, result)
+                });
+            }
+            None if attempts.is_empty() => return Err(DialError(failures)),
+            None => {}
+        }
+        let waits = rest.len() > 0;
+        tokio::select! {
+            Some(Ok((address, result))) = attempts.join_next() => match result {
+                Ok(stream) => return Ok((stream, address)),
+                Err(error) => failures.push((address, error)),
+            },
+            () = tokio::time::sleep(STAGGER), if waits => {}
+        }
+    }
+}
+
+async fn connect(address: &Address) -> io::Result<Stream> {
+    let attempt = async {
+        match address {
+            Address::Unix(path) => unix::connect(path).await,
+            Address::Tcp { host, port } => {
+                let mut last = io::Error::other("the host name has no address");
+                let found: Vec<SocketAddr> = tokio::net::lookup_host((host.as_str(), *port))
+                    .await?
+                    .collect();
+                for address in found {
+                    match tcp::connect(address).await {
+                        Ok(stream) => return Ok(stream),
+                        Err(error) => last = error,
+                    }
+                }
+                Err(last)
+            }
+        }
+    };
+    match tokio::time::timeout(PATIENCE, attempt).await {
+        Ok(result) => result,
+        Err(_) => Err(io::Error::new(
+            io::ErrorKind::TimedOut,
+            "no answer within 3 s",
+        )),
+    }
+}

@@ -1,0 +1,139 @@
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::io::{self, IoSlice};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use bytes::{Buf, Bytes, BytesMut};
+use tokio::io::Interest;
+use tokio::sync::Notify;
+
+use crate::Stream;
+
+/// What moves through a connection, and what becomes of it.
+pub trait Driver: Send + Sync + 'static {
+    /// Octets were read; what cannot be used yet is left in the buffer.
+    fn received(&self, octets: &mut BytesMut);
+    /// The next octets to write.
+    fn transmit(&self, parts: &mut VecDeque<Bytes>);
+    /// The connection has ended; nothing follows.
+    fn closed(&self, reason: &str);
+}
+
+/// Wakes a connection that waits for its partner.
+#[derive(Debug, Default)]
+pub struct Handle {
+    wake: Notify,
+    close: AtomicBool,
+}
+
+impl Handle {
+    /// There is something to write.
+    pub fn transmit(&self) {
+        self.wake.notify_one();
+    }
+
+    /// The connection closes as soon as all that waits is written.
+    pub fn close(&self) {
+        self.close.store(true, Ordering::Release);
+        self.wake.notify_one();
+    }
+}
+
+/// Octets that are read at once.
+const CHUNK: usize = 64 << 10;
+
+/// Parts that are written at once.
+const PARTS: usize = 64;
+
+thread_local! {
+    /// Read into by every connection of the thread: an idle connection holds no buffer, and what
+    /// is kept of a reading is no larger than what arrived.
+    static SCRATCH: RefCell<Box<[u8]>> = RefCell::new(vec![0; CHUNK].into_boxed_slice());
+}
+
+/// Moves octets between a stream and its driver until one of them ends it.
+pub async fn pump(stream: Stream, handle: Arc<Handle>, driver: impl Driver) {
+    let reason = match run(&stream, &handle, &driver).await {
+        Ok(()) => "closed".to_owned(),
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
+            "the other side closed the connection".to_owned()
+        }
+        Err(error) => error.to_string(),
+    };
+    driver.closed(&reason);
+}
+
+async fn run(stream: &Stream, handle: &Handle, driver: &impl Driver) -> io::Result<()> {
+    let mut input = BytesMut::new();
+    let mut output: VecDeque<Bytes> = VecDeque::new();
+    loop {
+        driver.transmit(&mut output);
+        let blocked = write(stream, &mut output)?;
+        if output.is_empty() && handle.close.load(Ordering::Acquire) {
+            return Ok(());
+        }
+        let interest = match blocked {
+            true => Interest::READABLE | Interest::WRITABLE,
+            false => Interest::READABLE,
+        };
+        tokio::select! {
+            ready = stream.ready(interest) => {
+                if ready?.is_readable() {
+                    read(stream, &mut input, driver)?;
+                }
+            }
+            () = handle.wake.notified() => {}
+        }
+    }
+}
+
+/// Reads once; the rest, if there is more, comes with the next turn, after what is to be written.
+fn read(stream: &Stream, input: &mut BytesMut, driver: &impl Driver) -> io::Result<()> {
+    let octets: io::Result<usize> = SCRATCH.with_borrow_mut(|scratch| {
+        let octets = stream.try_read(scratch)?;
+        input.extend_from_slice(&scratch[..octets]);
+        Ok(octets)
+    });
+    match octets {
+        Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
+        Ok(_) => {
+            driver.received(input);
+            if input.is_empty() {
+                *input = BytesMut::new();
+            }
+            Ok(())
+        }
+        Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(()),
+        Err(error) => Err(error),
+    }
+}
+
+/// Writes as much as the socket takes. Whether it is to be asked when it takes more.
+fn write(stream: &Stream, output: &mut VecDeque<Bytes>) -> io::Result<bool> {
+    while !output.is_empty() {
+        let mut parts = [IoSlice::new(&[]); PARTS];
+        let mut count = 0;
+        for (slice, part) in parts.iter_mut().zip(output.iter()) {
+            *slice = IoSlice::new(part);
+            count += 1;
+        }
+        match stream.try_write_vectored(&parts[..count]) {
+            Ok(written) => advance(output, written),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(true),
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(false)
+}
+
+fn advance(output: &mut VecDeque<Bytes>, mut written: usize) {
+    while let Some(part) = output.front_mut() {
+        if written < part.len() {
+            part.advance(written);
+            return;
+        }
+        written -= part.len();
+        output.pop_front();
+    }
+}

@@ -1,0 +1,246 @@
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use fipa_acl::{Expression, Letter, Message, Representation, Text};
+use fipa_codec::{Limits, bit_efficient};
+use fipa_link::ReceiverOutcome;
+use tokio::sync::{Notify, oneshot};
+
+use crate::platform::Inner;
+use crate::{ReceiveError, RequestError, sending};
+
+/// How long the outcome of a letter is waited for unless another time is given.
+pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// An agent that is registered at a platform; dropping it deregisters it.
+///
+/// All methods take `&self`, so that an agent can be shared between tasks. What
+/// [`request`](Agent::request) waits for does not reach [`receive`](Agent::receive).
+pub struct Agent {
+    platform: Arc<Inner>,
+    name: Text,
+    mail: Arc<Notify>,
+    inbox: Mutex<Inbox>,
+    conversations: AtomicU64,
+    registered: AtomicBool,
+}
+
+#[derive(Default)]
+struct Inbox {
+    messages: VecDeque<Incoming>,
+    expected: Vec<Expected>,
+}
+
+/// A letter that came, and what its payload says.
+type Incoming = (Letter, Result<Message, String>);
+
+/// An answer that somebody waits for.
+struct Expected {
+    reply_with: Expression,
+    answer: oneshot::Sender<Message>,
+}
+
+impl Agent {
+    pub(crate) fn new(platform: Arc<Inner>, name: Text, mail: Arc<Notify>) -> Agent {
+        Agent {
+            platform,
+            name,
+            mail,
+            inbox: Mutex::default(),
+            conversations: AtomicU64::new(0),
+            registered: AtomicBool::new(true),
+        }
+    }
+
+    /// The name was never ours: another agent keeps it.
+    pub(crate) fn disown(&self) {
+        self.registered.store(false, Ordering::Relaxed);
+    }
+
+    /// The agent's name.
+    pub fn name(&self) -> &Text {
+        &self.name
+    }
+
+    /// Sends a message and learns what became of it, for each receiver that its names and patterns
+    /// resolve to, within 10 s. A missing sender is filled in.
+    ///
+    /// When the future is dropped the letter is still under way.
+    pub async fn send(&self, message: Message) -> Vec<ReceiverOutcome> {
+        self.send_within(message, DEFAULT_TIMEOUT).await
+    }
+
+    /// Sends a message and learns what became of it within this time.
+    pub async fn send_within(
+        &self,
+        mut message: Message,
+        timeout: Duration,
+    ) -> Vec<ReceiverOutcome> {
+        message.sender.get_or_insert_with(|| (&self.name).into());
+        sending::send(&self.platform, message, timeout).await
+    }
+
+    /// The next message. Cancel-safe: nothing is lost when the future is dropped.
+    pub async fn receive(&self) -> Result<Message, ReceiveError> {
+        let (letter, message) = self.receive_letter().await?;
+        message.map_err(|reason| ReceiveError::Unreadable {
+            from: match letter.envelope.from() {
+                Some(from) => from.name.to_string(),
+                None => "somebody".to_owned(),
+            },
+            reason,
+            letter: Box::new(letter),
+        })
+    }
+
+    /// The next letter, with its message or the reason why that cannot be read. Cancel-safe.
+    pub async fn receive_letter(&self) -> Result<(Letter, Result<Message, String>), ReceiveError> {
+        loop {
+            // Asked for before looking, so that no notice falls between.
+            let notified = self.mail.notified();
+            tokio::pin!(notified);
+            notified.as_mut().enable();
+            if let Some(incoming) = self.sort_mail().messages.pop_front() {
+                return Ok(incoming);
+            }
+            if self.platform.backend.with(|_, _, hub| hub.has_ended()) {
+                return Err(ReceiveError::Ended);
+            }
+            notified.await;
+        }
+    }
+
+    /// The next message if one is there.
+    pub fn try_receive(&self) -> Option<(Letter, Result<Message, String>)> {
+        self.sort_mail().messages.pop_front()
+    }
+
+    /// Sends a message to one agent and waits for its answer until the deadline.
+    ///
+    /// A missing conversation-id and reply-with are filled in, and the deadline is told as
+    /// reply-by. The answer is the first message whose in-reply-to is that reply-with: agree,
+    /// inform, refuse or what the other one finds right.
+    pub async fn request(
+        &self,
+        mut message: Message,
+        deadline: Duration,
+    ) -> Result<Message, RequestError> {
+        let tag = self.tag();
+        message.conversation_id.get_or_insert_with(|| tag.clone());
+        let reply_with = message.reply_with.get_or_insert(tag).clone();
+        let now = self.platform.clock.now();
+        message
+            .reply_by
+            .get_or_insert(fipa_acl::FipaTime::from_unix_millis(
+                now.plus(deadline).unix_millis,
+            ));
+        let (sender, mut answer) = oneshot::channel();
+        self.lock().expected.push(Expected {
+            reply_with,
+            answer: sender,
+        });
+        let exchange = async {
+            let outcomes = self.send_within(message, deadline).await;
+            if let Some(failed) = outcomes.iter().find(|o| !o.outcome.is_success()) {
+                return Err(RequestError::Undelivered {
+                    to: failed.to.to_string(),
+                    outcome: failed.outcome,
+                    reason: failed.reason.to_string(),
+                });
+            }
+            self.wait_for_answer(&mut answer).await
+        };
+        match tokio::time::timeout(deadline, exchange).await {
+            Ok(result) => result,
+            Err(_) => Err(RequestError::NoAnswer(deadline)),
+        }
+    }
+
+    async fn wait_for_answer(
+        &self,
+        answer: &mut oneshot::Receiver<Message>,
+    ) -> Result<Message, RequestError> {
+        loop {
+            let notified = self.mail.notified();
+            tokio::pin!(notified);
+            notified.as_mut().enable();
+            drop(self.sort_mail());
+            match answer.try_recv() {
+                Ok(message) => return Ok(message),
+                Err(oneshot::error::TryRecvError::Closed) => return Err(RequestError::Ended),
+                Err(oneshot::error::TryRecvError::Empty) => {}
+            }
+            if self.platform.backend.with(|_, _, hub| hub.has_ended()) {
+                return Err(RequestError::Ended);
+            }
+            tokio::select! {
+                () = notified => {}
+                // Another task of this agent may have taken the mail.
+                message = &mut *answer => return message.map_err(|_| RequestError::Ended),
+            }
+        }
+    }
+
+    /// A tag for a conversation, unique in the network as long as the agent's name is.
+    fn tag(&self) -> Expression {
+        let number = self.conversations.fetch_add(1, Ordering::Relaxed);
+        let started = self.platform.clock.now().unix_millis;
+        Expression::from(format!("{}-{started:x}-{number}", self.name))
+    }
+
+    /// Takes the mail in: answers to those who wait for them, the rest for `receive`.
+    fn sort_mail(&self) -> MutexGuard<'_, Inbox> {
+        let mut inbox = self.lock();
+        let name = &self.name;
+        let take = || self.platform.backend.with(|_, m, _| m.take_mail(name));
+        while let Some(letter) = take() {
+            let message = read(&letter);
+            inbox
+                .expected
+                .retain(|expected| !expected.answer.is_closed());
+            let waiting = message.as_ref().ok().and_then(|message| {
+                let tag = message.in_reply_to.as_ref()?;
+                inbox.expected.iter().position(|e| e.reply_with == *tag)
+            });
+            match (waiting, message) {
+                (Some(at), Ok(message)) => {
+                    let expected = inbox.expected.swap_remove(at);
+                    if let Err(message) = expected.answer.send(message) {
+                        inbox.messages.push_back((letter, Ok(message)));
+                    }
+                }
+                (_, message) => inbox.messages.push_back((letter, message)),
+            }
+        }
+        inbox
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inbox> {
+        self.inbox.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Agent {
+    fn drop(&mut self) {
+        if self.registered.load(Ordering::Relaxed) {
+            let name = &self.name;
+            self.platform.backend.with(|now, machine, hub| {
+                hub.forget_mail(name);
+                machine.deregister(now, name);
+            });
+        }
+    }
+}
+
+/// Reads the payload in the representation that the envelope names.
+fn read(letter: &Letter) -> Result<Message, String> {
+    match letter.envelope.acl_representation() {
+        Some(Representation::BitEfficient) | None => {
+            bit_efficient::decode_message(&letter.payload, &Limits::default())
+                .map_err(|error| error.to_string())
+        }
+        Some(other) => Err(format!("its representation is {}", other.as_str())),
+    }
+}

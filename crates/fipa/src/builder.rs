@@ -1,0 +1,292 @@
+use std::net::{IpAddr, SocketAddr};
+use std::path::PathBuf;
+
+use fipa_acl::Text;
+use fipa_directory::{Address, InstanceId};
+use fipa_dsd::{InterfaceSelector, MDNS_PORT, MdnsConfig};
+use fipa_mts::{Config, Mts};
+use fipa_transport::Listener;
+use tokio::task::AbortHandle;
+
+use crate::backend::Backend;
+use crate::clock::Clock;
+use crate::discovery::{self, Discovery};
+use crate::names::{self, NameLock};
+use crate::node::Node;
+use crate::{Error, Platform};
+
+/// A platform in this process, being described.
+///
+/// Without any setting it listens at a free port on loopback, finds other platforms on this
+/// machine by mDNS, and bears a name made from the host's.
+#[derive(Clone, Debug)]
+pub struct PlatformBuilder {
+    name: Option<String>,
+    scope: String,
+    listen: Vec<String>,
+    advertise: Vec<String>,
+    peers: Vec<String>,
+    interfaces: Vec<InterfaceSelector>,
+    mdns: bool,
+    mdns_port: u16,
+    control: Option<PathBuf>,
+    max_letter: Option<usize>,
+}
+
+impl PlatformBuilder {
+    pub(crate) fn new() -> PlatformBuilder {
+        PlatformBuilder {
+            name: None,
+            scope: String::new(),
+            listen: Vec::new(),
+            advertise: Vec::new(),
+            peers: Vec::new(),
+            interfaces: Vec::new(),
+            mdns: true,
+            mdns_port: MDNS_PORT,
+            control: None,
+            max_letter: None,
+        }
+    }
+
+    /// The name of the message transport service. Default `mts@HOST`, or `mts-XXXX@HOST` where
+    /// that is taken.
+    #[must_use]
+    pub fn name(mut self, name: impl Into<String>) -> PlatformBuilder {
+        self.name = Some(name.into());
+        self
+    }
+
+    /// The fleet; platforms of other fleets are not found, and links to them are refused.
+    #[must_use]
+    pub fn scope(mut self, scope: impl Into<String>) -> PlatformBuilder {
+        self.scope = scope.into();
+        self
+    }
+
+    /// Adds an endpoint, `tcp://HOST:PORT` or `HOST:PORT`. Default `tcp://127.0.0.1:0`; port 0
+    /// takes a free one, and `0.0.0.0` means every address of the machine.
+    #[must_use]
+    pub fn listen(mut self, endpoint: impl Into<String>) -> PlatformBuilder {
+        self.listen.push(endpoint.into());
+        self
+    }
+
+    /// Adds an address that others are told instead of the endpoints.
+    #[must_use]
+    pub fn advertise(mut self, address: impl Into<String>) -> PlatformBuilder {
+        self.advertise.push(address.into());
+        self
+    }
+
+    /// Adds the address of a platform that is dialled for ever. mDNS goes on beside it.
+    #[must_use]
+    pub fn peer(mut self, address: impl Into<String>) -> PlatformBuilder {
+        self.peers.push(address.into());
+        self
+    }
+
+    /// Adds an interface or network on which mDNS is spoken.
+    #[must_use]
+    pub fn interface(mut self, interface: InterfaceSelector) -> PlatformBuilder {
+        self.interfaces.push(interface);
+        self
+    }
+
+    /// Whether mDNS is spoken; it is unless told otherwise.
+    #[must_use]
+    pub fn mdns(mut self, spoken: bool) -> PlatformBuilder {
+        self.mdns = spoken;
+        self
+    }
+
+    /// The UDP port of mDNS, for platforms that want to be undisturbed by others. Default 5353.
+    #[must_use]
+    pub fn mdns_port(mut self, port: u16) -> PlatformBuilder {
+        self.mdns_port = port;
+        self
+    }
+
+    /// The Unix socket at which local programs attach. Default: none.
+    #[must_use]
+    pub fn control(mut self, path: impl Into<PathBuf>) -> PlatformBuilder {
+        self.control = Some(path.into());
+        self
+    }
+
+    /// Octets of the largest letter. Default 256 MiB.
+    #[must_use]
+    pub fn max_letter(mut self, octets: usize) -> PlatformBuilder {
+        self.max_letter = Some(octets);
+        self
+    }
+
+    /// Binds, announces, and begins to dial. To be called within a tokio runtime.
+    pub async fn start(self) -> Result<Platform, Error> {
+        let mut octets = [0; 16];
+        getrandom::fill(&mut octets).map_err(|error| Error::Random(error.to_string()))?;
+        let instance = InstanceId::from_bytes(octets);
+        let listeners = self.bind().await?;
+        let control = self.bind_control().await?;
+        let bound: Vec<Address> = listeners.iter().map(|l| l.address().clone()).collect();
+        let endpoints = self.endpoints(&bound)?;
+        let (name, lock, discovery) = self.announce(instance, &bound).await?;
+
+        let mut config = Config::new(instance, name);
+        config.scope = Text::from(self.scope.as_str());
+        config.endpoints = endpoints.clone();
+        if let Some(max) = self.max_letter {
+            config.max_letter = max;
+            config.limits.max_octets = max;
+        }
+        let clock = Clock::start();
+        let node = Node::start(clock, Mts::new(config));
+        let mut tasks: Vec<AbortHandle> = Vec::new();
+        for listener in listeners {
+            tasks.push(tokio::spawn(node.clone().accept_from(listener, false)).abort_handle());
+        }
+        if let Some(listener) = control {
+            tasks.push(tokio::spawn(node.clone().accept_from(listener, true)).abort_handle());
+        }
+        for peer in &self.peers {
+            let address = peer.parse()?;
+            node.with(|now, mts, _| mts.add_peer(now, address));
+        }
+        let discovery = discovery.map(|found| discovery::run(&node, found, lock));
+        let backend = Backend::Service(node);
+        Ok(Platform::new(backend, clock, endpoints, tasks, discovery))
+    }
+
+    async fn bind(&self) -> Result<Vec<Listener>, Error> {
+        let mut listeners = Vec::new();
+        for endpoint in self.listen_or_default() {
+            listeners.push(Listener::bind(&endpoint.parse()?).await?);
+        }
+        Ok(listeners)
+    }
+
+    fn listen_or_default(&self) -> Vec<&str> {
+        match &self.listen[..] {
+            [] => vec!["tcp://127.0.0.1:0"],
+            given => given.iter().map(String::as_str).collect(),
+        }
+    }
+
+    async fn bind_control(&self) -> Result<Option<Listener>, Error> {
+        let Some(path) = &self.control else {
+            return Ok(None);
+        };
+        let address = Address::Unix(path.to_string_lossy().into_owned());
+        match Listener::bind(&address).await {
+            Ok(listener) => Ok(Some(listener)),
+            Err(error) if error.source.kind() == std::io::ErrorKind::AddrInUse => {
+                Err(Error::ControlInUse(path.clone()))
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// What others are told: the advertised addresses, else the endpoints, with every address of
+    /// the machine in place of the unspecified one.
+    fn endpoints(&self, bound: &[Address]) -> Result<Vec<Address>, Error> {
+        if !self.advertise.is_empty() {
+            let parse = |address: &String| Ok(address.parse()?);
+            return self.advertise.iter().map(parse).collect();
+        }
+        let mut endpoints = Vec::new();
+        for address in bound {
+            for address in concrete(address) {
+                if !endpoints.contains(&address) {
+                    endpoints.push(address);
+                }
+            }
+        }
+        Ok(endpoints)
+    }
+
+    /// Settles the name, and begins to speak mDNS.
+    async fn announce(
+        &self,
+        instance: InstanceId,
+        bound: &[Address],
+    ) -> Result<(String, Option<NameLock>, Option<Discovery>), Error> {
+        if let Some(name) = &self.name {
+            if !Text::from(name.as_str()).is_word() {
+                return Err(Error::Name(name.clone()));
+            }
+            let discovery = self.discovery(instance, name, bound)?;
+            return Ok((name.clone(), None, discovery));
+        }
+        let (usual, other) = names::default_names(instance);
+        let Some(lock) = NameLock::take(&usual) else {
+            let discovery = self.discovery(instance, &other, bound)?;
+            return Ok((other, None, discovery));
+        };
+        let Some(mut discovery) = self.discovery(instance, &usual, bound)? else {
+            return Ok((usual, Some(lock), None));
+        };
+        if discovery.is_name_taken(&usual).await {
+            discovery.shutdown().await;
+            let discovery = self.discovery(instance, &other, bound)?;
+            return Ok((other, None, discovery));
+        }
+        Ok((usual, Some(lock), Some(discovery)))
+    }
+
+    fn discovery(
+        &self,
+        instance: InstanceId,
+        name: &str,
+        bound: &[Address],
+    ) -> Result<Option<Discovery>, Error> {
+        let endpoints: Vec<SocketAddr> = bound.iter().filter_map(socket_address).collect();
+        if !self.mdns || endpoints.is_empty() {
+            return Ok(None);
+        }
+        let started = Discovery::start(MdnsConfig {
+            instance,
+            name: name.to_owned(),
+            scope: self.scope.clone(),
+            endpoints,
+            interfaces: self.interfaces.clone(),
+            port: self.mdns_port,
+        });
+        match started {
+            Ok(discovery) => Ok(Some(discovery)),
+            // A machine without multicast runs all the same; what was asked for by name must work.
+            Err(error) if self.interfaces.is_empty() => {
+                tracing::warn!("mDNS is not spoken: {error}");
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+fn socket_address(address: &Address) -> Option<SocketAddr> {
+    match address {
+        Address::Tcp { host, port } => Some(SocketAddr::new(host.parse().ok()?, *port)),
+        Address::Unix(_) => None,
+    }
+}
+
+/// The addresses at which a bound endpoint is reached.
+fn concrete(address: &Address) -> Vec<Address> {
+    let Some(bound) = socket_address(address).filter(|bound| bound.ip().is_unspecified()) else {
+        return vec![address.clone()];
+    };
+    let mut found: Vec<IpAddr> = match if_addrs::get_if_addrs() {
+        Ok(interfaces) => interfaces.iter().map(if_addrs::Interface::ip).collect(),
+        Err(_) => Vec::new(),
+    };
+    // An IPv6 link-local address means something only together with an interface of the reader.
+    found.retain(|ip| match ip {
+        IpAddr::V4(_) => bound.is_ipv4(),
+        IpAddr::V6(ip) => bound.is_ipv6() && !ip.is_unicast_link_local(),
+    });
+    found.sort_by_key(IpAddr::is_loopback);
+    found
+        .into_iter()
+        .map(|ip| Address::tcp(ip.to_string(), bound.port()))
+        .collect()
+}

@@ -1,0 +1,88 @@
+use std::path::PathBuf;
+
+use fipa_directory::ParseAddressError;
+use fipa_dsd::MdnsError;
+use fipa_mts::RegisterError;
+use fipa_transport::BindError;
+
+/// Why a platform or an agent could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// An address cannot be used.
+    #[error(transparent)]
+    Address(#[from] ParseAddressError),
+    /// The name of the service is not an ASCII word.
+    #[error("{0:?} is no name: ASCII without blanks and parentheses, beginning with a letter")]
+    Name(String),
+    /// An endpoint cannot be bound.
+    #[error(transparent)]
+    Bind(#[from] BindError),
+    /// Another daemon answers at the control socket.
+    #[error("another daemon answers at {}", .0.display())]
+    ControlInUse(PathBuf),
+    /// mDNS cannot be spoken.
+    #[error("mDNS: {0}")]
+    Mdns(#[from] MdnsError),
+    /// Nobody answers at the control socket.
+    #[error("no daemon at {}: {reason}", .path.display())]
+    NoDaemon {
+        /// The control socket.
+        path: PathBuf,
+        /// What happened.
+        reason: String,
+    },
+    /// The agent was not registered.
+    #[error(transparent)]
+    Register(#[from] RegisterError),
+    /// The platform has ended.
+    #[error("the platform has ended")]
+    Ended,
+    /// No thread could be started.
+    #[error("no runtime: {0}")]
+    Runtime(std::io::Error),
+    /// The machine gives no random numbers.
+    #[error("no random numbers: {0}")]
+    Random(String),
+}
+
+/// Why there is no message.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReceiveError {
+    /// A letter came whose payload cannot be read.
+    #[error("a letter from {from} cannot be read: {reason}")]
+    Unreadable {
+        /// The agent that sent it, as its envelope says.
+        from: String,
+        /// What is wrong with it.
+        reason: String,
+        /// The letter as it came.
+        letter: Box<fipa_acl::Letter>,
+    },
+    /// The platform has ended, or the daemon was away for too long.
+    #[error("the platform has ended")]
+    Ended,
+}
+
+/// Why a request has no answer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RequestError {
+    /// The request did not reach its receiver.
+    #[error("{to}: {outcome}: {reason}")]
+    Undelivered {
+        /// The receiver.
+        to: String,
+        /// What became of the request.
+        outcome: fipa_link::Outcome,
+        /// Why.
+        reason: String,
+    },
+    /// It was delivered, and no answer came in time.
+    #[error("delivered, but no answer came within {0:?}")]
+    NoAnswer(std::time::Duration),
+    /// The platform has ended.
+    #[error("the platform has ended")]
+    Ended,
+}

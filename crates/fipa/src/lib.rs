@@ -1,0 +1,68 @@
+//! FIPA for robots: agents that find each other without a server, exchange messages whose meaning
+//! is standardised, and are told what became of each.
+//!
+//! ```text
+//!   your program                              another robot
+//!   Agent ─ send ─▶ Platform ══ TCP link ══▶ Platform ─ mailbox ─▶ Agent
+//!     ▲               │  ▲                      │
+//!     └── outcome ────┘  └────── receipt ◀──────┘
+//! ```
+//!
+//! A [`Platform`] is where agents live: one in this process, or the daemon of this machine. An
+//! [`Agent`] sends, receives and asks. Control loops that do not know async use [`blocking`].
+//!
+//! ```
+//! # async fn example() -> Result<(), Box<dyn std::error::Error>> {
+//! use fipa::prelude::*;
+//! use std::time::Duration;
+//!
+//! let robot1 = Platform::builder().name("robot1").mdns(false).start().await?;
+//! let arm = robot1.agent("arm@robot1").await?;
+//! let drive = robot1.agent("drive@robot1").await?;
+//!
+//! let driver = tokio::spawn(async move {
+//!     let order = drive.receive().await.unwrap();
+//!     drive.send(order.reply(Performative::Inform).content("at the dock")).await;
+//! });
+//!
+//! let order = Message::new(Performative::Request).to("drive@robot1").content("go to the dock");
+//! let answer = arm.request(order, Duration::from_secs(5)).await?;
+//! assert_eq!(answer.content_str(), Some("at the dock"));
+//! # driver.await?;
+//! # Ok(()) }
+//! # tokio::runtime::Runtime::new().unwrap().block_on(example()).unwrap();
+//! ```
+
+mod agent;
+mod backend;
+pub mod blocking;
+mod builder;
+mod clock;
+mod control_path;
+mod discovery;
+mod error;
+mod names;
+mod node;
+mod platform;
+mod sending;
+
+pub use agent::{Agent, DEFAULT_TIMEOUT};
+pub use builder::PlatformBuilder;
+pub use control_path::default_control_path;
+pub use error::{Error, ReceiveError, RequestError};
+pub use fipa_acl::{
+    AgentId, Envelope, Expression, FipaTime, Letter, Message, Performative, Text, UserDefined,
+};
+pub use fipa_directory::{
+    Address, Change, ChangeKind, Entry, Field, Location, Now, Pattern, PatternError, Record,
+    Source, State,
+};
+pub use fipa_dsd::InterfaceSelector;
+pub use fipa_link::{Outcome, ReceiverOutcome};
+pub use fipa_mts::{Notice, RegisterError, Registration};
+pub use platform::{Changes, Notices, Platform};
+
+/// What most programs need.
+pub mod prelude {
+    pub use crate::{Agent, AgentId, Message, Outcome, Performative, Platform, ReceiverOutcome};
+}

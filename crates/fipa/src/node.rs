@@ -1,0 +1,350 @@
+//! Runs a state machine: sockets, timers and waiting callers around one lock that is never held
+//! over a wait.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use fipa_acl::Text;
+use fipa_directory::{Address, Change, InstanceId, Now};
+use fipa_link::ReceiverOutcome;
+use fipa_mts::{ConnId, Connected, DialId, Machine, Notice, Output, RegisterError};
+use fipa_transport::{Driver, Handle, Listener, Stream};
+use tokio::sync::{Notify, mpsc, oneshot};
+
+use crate::clock::Clock;
+
+/// A machine with what runs it.
+pub(crate) struct Node<M> {
+    state: Mutex<State<M>>,
+    clock: Clock,
+    runtime: tokio::runtime::Handle,
+    timer: Arc<Notify>,
+}
+
+struct State<M> {
+    machine: M,
+    handles: HashMap<ConnId, Arc<Handle>>,
+    next_conn: u64,
+    /// When the timer task is going to call.
+    scheduled: Option<Duration>,
+    hub: Hub,
+}
+
+/// Who waits for what.
+#[derive(Default)]
+pub(crate) struct Hub {
+    next_ticket: u64,
+    outcomes: HashMap<u64, oneshot::Sender<Vec<ReceiverOutcome>>>,
+    registrations: HashMap<u64, oneshot::Sender<Result<(), RegisterError>>>,
+    mail: HashMap<Text, Arc<Notify>>,
+    changes: Vec<mpsc::UnboundedSender<Change>>,
+    notices: Vec<mpsc::UnboundedSender<Notice>>,
+    verify: Option<mpsc::UnboundedSender<InstanceId>>,
+    ended: bool,
+}
+
+impl Hub {
+    /// A ticket for a letter, and where its outcomes will come.
+    pub(crate) fn expect_outcome(&mut self) -> (u64, oneshot::Receiver<Vec<ReceiverOutcome>>) {
+        let (sender, receiver) = oneshot::channel();
+        self.next_ticket += 1;
+        self.outcomes.insert(self.next_ticket, sender);
+        (self.next_ticket, receiver)
+    }
+
+    /// A ticket for a registration, and where its answer will come.
+    pub(crate) fn expect_registration(
+        &mut self,
+    ) -> (u64, oneshot::Receiver<Result<(), RegisterError>>) {
+        let (sender, receiver) = oneshot::channel();
+        self.next_ticket += 1;
+        self.registrations.insert(self.next_ticket, sender);
+        (self.next_ticket, receiver)
+    }
+
+    /// What is notified when mail for this agent comes.
+    pub(crate) fn on_mail(&mut self, name: &Text) -> Arc<Notify> {
+        Arc::clone(self.mail.entry(name.clone()).or_default())
+    }
+
+    pub(crate) fn forget_mail(&mut self, name: &Text) {
+        self.mail.remove(name);
+    }
+
+    pub(crate) fn changes(&mut self) -> mpsc::UnboundedReceiver<Change> {
+        let (sender, receiver) = mpsc::unbounded_channel();
+        self.changes.push(sender);
+        receiver
+    }
+
+    pub(crate) fn notices(&mut self) -> mpsc::UnboundedReceiver<Notice> {
+        let (sender, receiver) = mpsc::unbounded_channel();
+        self.notices.push(sender);
+        receiver
+    }
+
+    /// Nothing will come any more; whoever waits for mail is told.
+    pub(crate) fn end(&mut self) {
+        self.ended = true;
+        self.mail
+            .values()
+            .for_each(|notify| notify.notify_waiters());
+    }
+
+    pub(crate) fn has_ended(&self) -> bool {
+        self.ended
+    }
+
+    pub(crate) fn verifications(&mut self) -> mpsc::UnboundedReceiver<InstanceId> {
+        let (sender, receiver) = mpsc::unbounded_channel();
+        self.verify = Some(sender);
+        receiver
+    }
+}
+
+impl<M: Machine + Send + 'static> Node<M> {
+    /// Starts to run a machine on the runtime that this is called in.
+    pub(crate) fn start(clock: Clock, machine: M) -> Arc<Node<M>> {
+        let timer = Arc::new(Notify::new());
+        let node = Arc::new(Node {
+            state: Mutex::new(State {
+                machine,
+                handles: HashMap::new(),
+                next_conn: 0,
+                scheduled: None,
+                hub: Hub::default(),
+            }),
+            clock,
+            runtime: tokio::runtime::Handle::current(),
+            timer: Arc::clone(&timer),
+        });
+        tokio::spawn(run_timers(Arc::downgrade(&node), timer));
+        node.with(|_, _, _| ());
+        node
+    }
+
+    /// Hands something to the machine and does what it wants done.
+    pub(crate) fn with<R>(self: &Arc<Self>, call: impl FnOnce(Now, &mut M, &mut Hub) -> R) -> R {
+        let mut state = self.lock();
+        let state = &mut *state;
+        let result = call(self.clock.now(), &mut state.machine, &mut state.hub);
+        self.act(state, None);
+        result
+    }
+
+    /// Runs a stream that was accepted.
+    pub(crate) fn accepted(self: &Arc<Self>, stream: Stream, control: bool) {
+        self.open(stream, None, control);
+    }
+
+    /// Accepts streams until the task is aborted.
+    pub(crate) async fn accept_from(self: Arc<Self>, listener: Listener, control: bool) {
+        loop {
+            match listener.accept().await {
+                Ok(stream) => self.accepted(stream, control),
+                Err(error) => {
+                    // Out of file descriptors, or a connection that ended before it was taken:
+                    // neither gets better by trying again at once.
+                    tracing::warn!("cannot accept at {}: {error}", listener.address());
+                    tokio::time::sleep(Duration::from_millis(100)).await;
+                }
+            }
+        }
+    }
+
+    /// Waits until no connection is open any more.
+    pub(crate) async fn wait_closed(&self) {
+        while !self.lock().handles.is_empty() {
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State<M>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn open(self: &Arc<Self>, stream: Stream, dialled: Option<(DialId, Address)>, control: bool) {
+        let handle = Arc::new(Handle::default());
+        let mut state = self.lock();
+        let state = &mut *state;
+        state.next_conn += 1;
+        let conn = ConnId(state.next_conn);
+        state.handles.insert(conn, Arc::clone(&handle));
+        let connected = Connected {
+            conn,
+            dialled,
+            control,
+            same_host: stream.same_host(),
+        };
+        state.machine.connected(self.clock.now(), connected);
+        self.act(state, Some(conn));
+        let driver = Connection {
+            node: Arc::clone(self),
+            conn,
+        };
+        self.runtime
+            .spawn(fipa_transport::pump(stream, handle, driver));
+    }
+
+    async fn dial(self: Arc<Self>, dial: DialId, addresses: Vec<Address>) {
+        match fipa_transport::dial(&addresses).await {
+            Ok((stream, address)) => self.open(stream, Some((dial, address)), false),
+            Err(error) => {
+                let reason = error.to_string();
+                self.with(|now, machine, _| machine.dial_failed(now, dial, &reason));
+            }
+        }
+    }
+
+    /// Does what the machine wants done. A connection that is at work needs no waking.
+    fn act(self: &Arc<Self>, state: &mut State<M>, at_work: Option<ConnId>) {
+        while let Some(output) = state.machine.poll_output() {
+            match output {
+                Output::Dial { dial, addresses } => {
+                    self.runtime.spawn(Arc::clone(self).dial(dial, addresses));
+                }
+                Output::Transmit(conn) if Some(conn) == at_work => {}
+                Output::Transmit(conn) => {
+                    if let Some(handle) = state.handles.get(&conn) {
+                        handle.transmit();
+                    }
+                }
+                Output::Close(conn) => {
+                    if let Some(handle) = state.handles.get(&conn) {
+                        handle.close();
+                    }
+                }
+                output => tell(&mut state.hub, output),
+            }
+        }
+        let next = state.machine.poll_timeout();
+        let sooner = match (next, state.scheduled) {
+            (Some(next), Some(scheduled)) => next < scheduled,
+            (next, scheduled) => next.is_some() && scheduled.is_none(),
+        };
+        if sooner {
+            state.scheduled = next;
+            self.timer.notify_one();
+        }
+    }
+}
+
+/// Tells whoever waits for it.
+fn tell(hub: &mut Hub, output: Output) {
+    match output {
+        Output::Outcome { ticket, outcomes } => {
+            if let Some(waiter) = hub.outcomes.remove(&ticket) {
+                // Whoever gave up waiting does not want to know any more.
+                let _ = waiter.send(outcomes);
+            }
+        }
+        Output::Registered { ticket, result } => {
+            if let Some(waiter) = hub.registrations.remove(&ticket) {
+                let _ = waiter.send(result);
+            }
+        }
+        Output::Mail(name) => {
+            if let Some(notify) = hub.mail.get(&name) {
+                notify.notify_waiters();
+            }
+        }
+        Output::Directory(change) => {
+            hub.changes
+                .retain(|listener| listener.send(change.clone()).is_ok());
+        }
+        Output::Notice(notice) => {
+            tracing::info!("{notice}");
+            if let Notice::DaemonGivenUp { .. } = notice {
+                hub.end();
+            }
+            hub.notices
+                .retain(|listener| listener.send(notice.clone()).is_ok());
+        }
+        Output::Verify(instance) => {
+            if let Some(verify) = &hub.verify {
+                let _ = verify.send(instance);
+            }
+        }
+        Output::Dial { .. } | Output::Transmit(_) | Output::Close(_) => {}
+    }
+}
+
+impl<M> Drop for Node<M> {
+    fn drop(&mut self) {
+        // The timer task looks, and finds nobody.
+        self.timer.notify_one();
+    }
+}
+
+/// Calls the machine when its time has come, as long as it is there.
+async fn run_timers<M: Machine + Send + 'static>(node: Weak<Node<M>>, timer: Arc<Notify>) {
+    loop {
+        let at = {
+            let Some(node) = node.upgrade() else {
+                return;
+            };
+            let mut state = node.lock();
+            state.scheduled = state.machine.poll_timeout();
+            state.scheduled.map(|mono| node.clock.instant(mono))
+        };
+        let wait = async {
+            match at {
+                Some(at) => tokio::time::sleep_until(at.into()).await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            () = wait => {
+                if let Some(node) = node.upgrade() {
+                    let mut state = node.lock();
+                    let now = node.clock.now();
+                    state.machine.handle_timeout(now);
+                    node.act(&mut state, None);
+                }
+            }
+            () = timer.notified() => {}
+        }
+    }
+}
+
+/// A connection of a machine.
+struct Connection<M> {
+    node: Arc<Node<M>>,
+    conn: ConnId,
+}
+
+/// Octets that are handed to the socket in one go.
+const BATCH: usize = 1 << 20;
+
+impl<M: Machine + Send + 'static> Driver for Connection<M> {
+    fn received(&self, octets: &mut BytesMut) {
+        let mut state = self.node.lock();
+        let now = self.node.clock.now();
+        state.machine.received(now, self.conn, octets);
+        self.node.act(&mut state, Some(self.conn));
+    }
+
+    fn transmit(&self, parts: &mut VecDeque<Bytes>) {
+        let mut octets: usize = parts.iter().map(Bytes::len).sum();
+        if octets >= BATCH {
+            return;
+        }
+        let mut state = self.node.lock();
+        while octets < BATCH
+            && let Some(part) = state.machine.poll_transmit(self.conn)
+        {
+            octets += part.len();
+            parts.push_back(part);
+        }
+    }
+
+    fn closed(&self, reason: &str) {
+        let mut state = self.node.lock();
+        state.handles.remove(&self.conn);
+        let now = self.node.clock.now();
+        state.machine.closed(now, self.conn, reason);
+        self.node.act(&mut state, Some(self.conn));
+    }
+}

@@ -1,0 +1,286 @@
+use std::path::Path;
+use std::sync::Arc;
+
+use fipa_acl::Text;
+use fipa_directory::{Address, Change, Field, InstanceId, Now, Pattern, PatternError, Record};
+use fipa_mts::{Notice, Program, ProgramConfig, Registration};
+use tokio::sync::mpsc;
+use tokio::task::AbortHandle;
+
+use crate::agent::Agent;
+use crate::backend::Backend;
+use crate::clock::Clock;
+use crate::node::Node;
+use crate::{Error, PlatformBuilder};
+
+/// A platform: the place where agents live.
+///
+/// It is either in this process ([`builder`](Platform::builder)), with a message transport service
+/// of its own, or a daemon on this machine ([`attach`](Platform::attach)). Agents do not see the
+/// difference. When the last clone is dropped, or at [`shutdown`](Platform::shutdown), everything
+/// is deregistered.
+///
+/// ```
+/// # async fn example() -> Result<(), fipa::Error> {
+/// use fipa::{Message, Performative, Platform};
+///
+/// let platform = Platform::builder().name("robot1").start().await?;
+/// let arm = platform.agent("arm@robot1").await?;
+/// let drive = platform.agent("drive@robot1").await?;
+/// let outcomes = arm
+///     .send(Message::new(Performative::Inform).to("drive@robot1").content("ready"))
+///     .await;
+/// assert!(outcomes[0].outcome.is_success());
+/// assert_eq!(drive.receive().await.unwrap().content_str(), Some("ready"));
+/// # Ok(()) }
+/// # tokio::runtime::Runtime::new().unwrap().block_on(example()).unwrap();
+/// ```
+#[derive(Clone)]
+pub struct Platform {
+    inner: Arc<Inner>,
+}
+
+pub(crate) struct Inner {
+    pub(crate) backend: Backend,
+    pub(crate) clock: Clock,
+    endpoints: Vec<Address>,
+    tasks: Vec<AbortHandle>,
+    goodbye: std::sync::Mutex<Option<tokio::sync::oneshot::Sender<()>>>,
+    discovery: std::sync::Mutex<Option<tokio::task::JoinHandle<()>>>,
+}
+
+impl Platform {
+    /// Begins to describe a platform in this process.
+    pub fn builder() -> PlatformBuilder {
+        PlatformBuilder::new()
+    }
+
+    /// Attaches to the daemon at its usual control socket
+    /// ([`default_control_path`](crate::default_control_path)).
+    pub async fn attach() -> Result<Platform, Error> {
+        Platform::attach_to(crate::default_control_path()).await
+    }
+
+    /// Attaches to the daemon at this control socket. When the daemon ends, it is looked for for
+    /// 30 s, and agents are attached again.
+    pub async fn attach_to(control: impl AsRef<Path>) -> Result<Platform, Error> {
+        let path = control.as_ref().to_owned();
+        let mut random = [0; 16];
+        getrandom::fill(&mut random).map_err(|error| Error::Random(error.to_string()))?;
+        let name = format!("program-{}", std::process::id());
+        let address = Address::Unix(path.to_string_lossy().into_owned());
+        let config = ProgramConfig::new(InstanceId::from_bytes(random), name, address);
+        let clock = Clock::start();
+        let node = Node::start(clock, Program::new(config, clock.now()));
+        let mut notices = node.with(|_, _, hub| hub.notices());
+        let mut changes = node.with(|_, _, hub| hub.changes());
+        loop {
+            match notices.recv().await {
+                Some(Notice::DaemonUp) => break,
+                Some(Notice::DaemonGivenUp { reason }) => {
+                    let reason = reason.to_string();
+                    return Err(Error::NoDaemon { path, reason });
+                }
+                Some(_) => {}
+                None => return Err(Error::Ended),
+            }
+        }
+        // The directory is the first thing that a daemon sends. An empty one brings no change, so
+        // its coming is asked for, not waited for.
+        while !node.with(|_, program, _| program.has_directory()) {
+            tokio::select! {
+                _ = changes.recv() => {}
+                () = tokio::time::sleep(std::time::Duration::from_millis(5)) => {}
+            }
+        }
+        Ok(Platform::new(
+            Backend::Program(node),
+            clock,
+            Vec::new(),
+            Vec::new(),
+            None,
+        ))
+    }
+
+    pub(crate) fn new(
+        backend: Backend,
+        clock: Clock,
+        endpoints: Vec<Address>,
+        tasks: Vec<AbortHandle>,
+        discovery: Option<(
+            tokio::sync::oneshot::Sender<()>,
+            tokio::task::JoinHandle<()>,
+        )>,
+    ) -> Platform {
+        let (goodbye, discovery) = discovery.unzip();
+        Platform {
+            inner: Arc::new(Inner {
+                backend,
+                clock,
+                endpoints,
+                tasks,
+                goodbye: std::sync::Mutex::new(goodbye),
+                discovery: std::sync::Mutex::new(discovery),
+            }),
+        }
+    }
+
+    /// The name of the message transport service.
+    pub fn name(&self) -> Text {
+        self.inner
+            .backend
+            .with(|_, machine, _| machine.service_name())
+    }
+
+    /// Where other platforms reach this one; empty for an attached one.
+    pub fn endpoints(&self) -> &[Address] {
+        &self.inner.endpoints
+    }
+
+    /// Registers an agent under this name.
+    pub async fn agent(&self, name: impl Into<Text>) -> Result<Agent, Error> {
+        self.register(Registration::new(name)).await
+    }
+
+    /// Registers an agent with a description and service type of its own.
+    pub async fn register(&self, registration: Registration) -> Result<Agent, Error> {
+        let name = registration.name.clone();
+        let (answer, mail) = self.inner.backend.with(|now, machine, hub| {
+            let mail = hub.on_mail(&name);
+            let (ticket, answer) = hub.expect_registration();
+            machine.register(now, ticket, registration);
+            (answer, mail)
+        });
+        // Dropped while waiting: the agent goes again.
+        let agent = Agent::new(Arc::clone(&self.inner), name, mail);
+        match answer.await {
+            Ok(Ok(())) => Ok(agent),
+            Ok(Err(error)) => {
+                agent.disown();
+                Err(error.into())
+            }
+            Err(_) => Err(Error::Ended),
+        }
+    }
+
+    /// Sends a message in the name that it bears, without an agent of its own; answers go to
+    /// whoever holds that name.
+    pub async fn send_as(
+        &self,
+        message: fipa_acl::Message,
+        timeout: std::time::Duration,
+    ) -> Vec<fipa_link::ReceiverOutcome> {
+        crate::sending::send(&self.inner, message, timeout).await
+    }
+
+    /// What the directory holds for exactly this name.
+    pub fn find(&self, name: &str) -> Option<Record> {
+        self.inner
+            .backend
+            .with(|_, machine, _| machine.directory().find(name).cloned())
+    }
+
+    /// The agents whose name matches all of a regular expression, by name.
+    pub fn search(&self, pattern: &str) -> Result<Vec<Record>, PatternError> {
+        self.search_field(pattern, Field::Name)
+    }
+
+    /// The agents of which a field matches all of a regular expression, by name.
+    pub fn search_field(&self, pattern: &str, field: Field) -> Result<Vec<Record>, PatternError> {
+        let pattern = Pattern::new(pattern)?;
+        let mut found: Vec<Record> = self.inner.backend.with(|_, machine, _| {
+            let directory = machine.directory();
+            directory.search(&pattern, field).cloned().collect()
+        });
+        found.sort_by(|a, b| a.entry.name.cmp(&b.entry.name));
+        Ok(found)
+    }
+
+    /// Waits until an agent of exactly this name is known. Cancel-safe.
+    pub async fn wait_for(&self, name: &str) -> Option<Record> {
+        let mut changes = self.watch();
+        loop {
+            if let Some(record) = self.find(name) {
+                return Some(record);
+            }
+            changes.next().await?;
+        }
+    }
+
+    /// What changes in the directory from now on.
+    pub fn watch(&self) -> Changes {
+        Changes(self.inner.backend.with(|_, _, hub| hub.changes()))
+    }
+
+    /// What happens to links and peers from now on.
+    pub fn notices(&self) -> Notices {
+        Notices(self.inner.backend.with(|_, _, hub| hub.notices()))
+    }
+
+    /// The time, as the ages in records are counted.
+    pub fn now(&self) -> Now {
+        self.inner.clock.now()
+    }
+
+    /// Deregisters everything, says goodbye to everybody, and waits until that is said, two
+    /// seconds at most.
+    pub async fn shutdown(self) {
+        self.inner.stop();
+        let discovery = lock(&self.inner.discovery).take();
+        if let Some(task) = discovery {
+            let _ = tokio::time::timeout(std::time::Duration::from_secs(2), task).await;
+        }
+        self.inner
+            .backend
+            .wait_closed(std::time::Duration::from_secs(1))
+            .await;
+    }
+}
+
+impl Inner {
+    fn stop(&self) {
+        self.tasks.iter().for_each(AbortHandle::abort);
+        if let Some(goodbye) = lock(&self.goodbye).take() {
+            // The task may have ended by itself.
+            let _ = goodbye.send(());
+        }
+        self.backend.with(|now, machine, hub| {
+            machine.shutdown(now);
+            hub.end();
+        });
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+fn lock<T>(mutex: &std::sync::Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+/// The changes of a directory, as they happen.
+#[derive(Debug)]
+pub struct Changes(mpsc::UnboundedReceiver<Change>);
+
+impl Changes {
+    /// The next change; `None` once the platform has ended. Cancel-safe.
+    pub async fn next(&mut self) -> Option<Change> {
+        self.0.recv().await
+    }
+}
+
+/// What happens to links and peers, as it happens.
+#[derive(Debug)]
+pub struct Notices(mpsc::UnboundedReceiver<Notice>);
+
+impl Notices {
+    /// The next notice; `None` once the platform has ended. Cancel-safe.
+    pub async fn next(&mut self) -> Option<Notice> {
+        self.0.recv().await
+    }
+}
