@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-use crate::commands::{decode, encode};
+use crate::commands::{agents, attach, decode, echo, encode, listen, ping, send};
 use crate::{Failure, streams};
 
 /// The command line of `fipa`.
@@ -26,25 +26,49 @@ pub struct Cli {
 /// The commands of `fipa`.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Show who is known
+    Agents(agents::Args),
+    /// Be one agent for a program in any language: JSON lines in and out
+    Attach(attach::Args),
     /// Show encoded messages and letters as JSON, one a line
     Decode(decode::Args),
+    /// Be an agent that answers every request and query with its own content
+    Echo(echo::Args),
     /// Encode messages and letters given as JSON
     Encode(encode::Args),
+    /// Be an agent that prints what it is sent
+    Listen(listen::Args),
+    /// Ask an agent, and measure how long the answer takes
+    Ping(ping::Args),
+    /// Send a message, and say what became of it
+    Send(send::Args),
 }
 
 impl Command {
     /// The word on the command line.
     pub fn name(&self) -> &'static str {
         match self {
+            Command::Agents(_) => "agents",
+            Command::Attach(_) => "attach",
             Command::Decode(_) => "decode",
+            Command::Echo(_) => "echo",
             Command::Encode(_) => "encode",
+            Command::Listen(_) => "listen",
+            Command::Ping(_) => "ping",
+            Command::Send(_) => "send",
         }
     }
 
     fn run(&self) -> Result<(), Failure> {
         match self {
+            Command::Agents(args) => agents::run(args),
+            Command::Attach(args) => attach::run(args),
             Command::Decode(args) => decode::run(args),
+            Command::Echo(args) => echo::run(args),
             Command::Encode(args) => encode::run(args),
+            Command::Listen(args) => listen::run(args),
+            Command::Ping(args) => ping::run(args),
+            Command::Send(args) => send::run(args),
         }
     }
 }

@@ -11,6 +11,7 @@
 //! Each command has a function over octets in memory and a [`Write`](std::io::Write), and a thin
 //! `run` that opens the files.
 
+mod attached;
 mod cli;
 pub mod commands;
 mod exit;

@@ -26,6 +26,7 @@
 //!   allows further keys takes them out first.
 
 mod agent_id;
+mod directory;
 mod envelope;
 mod error;
 mod letter;
@@ -34,6 +35,7 @@ mod reader;
 mod values;
 
 pub use agent_id::{agent_id_from_json, agent_id_to_json};
+pub use directory::{outcome_to_json, record_to_json};
 pub use error::JsonError;
 pub use letter::{
     Body, EnvelopeForm, LetterForm, envelope_for, letter_from_json, letter_to_json,

@@ -1,5 +1,11 @@
 //! The commands, one a module: `Args` are its options, `run` is the command on the streams of the
 //! process.
 
+pub mod agents;
+pub mod attach;
 pub mod decode;
+pub mod echo;
 pub mod encode;
+pub mod listen;
+pub mod ping;
+pub mod send;

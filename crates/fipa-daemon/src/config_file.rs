@@ -1,0 +1,134 @@
+//! The configuration file: TOML with the long options' names as keys.
+//!
+//! **Knows** where in the file something stands and what type it has. **Never knows** which values
+//! an option takes; `options::value` does.
+
+mod entry;
+mod place;
+mod suggestion;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::options::{Layer, OptionsError, value};
+use entry::Entry;
+use place::Place;
+use suggestion::nearest;
+
+/// The commented default configuration.
+pub const DEFAULT_CONFIG: &str = include_str!("default_config.toml");
+
+/// The keys, in the order of the options.
+pub(crate) const KEYS: [&str; 11] = [
+    "name",
+    "listen",
+    "advertise",
+    "scope",
+    "interface",
+    "no-mdns",
+    "mdns-port",
+    "peer",
+    "control",
+    "json",
+    "max-letter",
+];
+
+/// What a file says.
+pub(crate) fn load(file: &Path) -> Result<Layer, OptionsError> {
+    let octets = fs::read(file).map_err(|source| OptionsError::Unreadable {
+        file: file.to_owned(),
+        source,
+    })?;
+    read(&octets).map_err(|(place, problem)| OptionsError::File {
+        file: file.to_owned(),
+        line: place.line,
+        column: place.column,
+        problem,
+    })
+}
+
+fn read(octets: &[u8]) -> Result<Layer, (Place, String)> {
+    let text = str::from_utf8(octets).map_err(|error| {
+        let place = Place::of(octets, error.valid_up_to());
+        (place, "not UTF-8".to_owned())
+    })?;
+    parse(text).map_err(|wrong| (Place::of(octets, wrong.at), wrong.problem))
+}
+
+/// Something that cannot be used, and its offset in the file.
+struct Wrong {
+    at: usize,
+    problem: String,
+}
+
+impl Wrong {
+    fn key(key: &Spanned<impl AsRef<str>>) -> Wrong {
+        let name = key.get_ref().as_ref();
+        let mut problem = format!("unknown key {name:?}");
+        if let Some(known) = nearest(name, &KEYS) {
+            problem += &format!(" (did you mean {known:?}?)");
+        }
+        Wrong {
+            at: key.span().start,
+            problem,
+        }
+    }
+
+    fn syntax(error: &toml::de::Error, end: usize) -> Wrong {
+        Wrong {
+            at: error.span().map_or(end, |span| span.start),
+            problem: error.message().replace(char::is_control, " "),
+        }
+    }
+}
+
+fn parse(text: &str) -> Result<Layer, Wrong> {
+    let table = DeTable::parse(text).map_err(|error| Wrong::syntax(&error, text.len()))?;
+    let mut entries: Vec<_> = table.get_ref().iter().collect();
+    // The table is sorted by key, but people mend a file from its beginning.
+    entries.sort_by_key(|(key, _)| key.span().start);
+    let mut layer = Layer::default();
+    for (key, value) in entries {
+        put(&mut layer, key, value)?;
+    }
+    Ok(layer)
+}
+
+fn put(
+    layer: &mut Layer,
+    key: &Spanned<impl AsRef<str>>,
+    value: &Spanned<DeValue<'_>>,
+) -> Result<(), Wrong> {
+    let entry = Entry {
+        key: key.get_ref().as_ref(),
+        value,
+    };
+    match entry.key {
+        "name" => layer.name = Some(entry.text(or_default(value::name))?),
+        "listen" => layer.listen = Some(entry.listen()?),
+        "advertise" => layer.advertise = Some(entry.list(value::peer_address)?),
+        "scope" => layer.scope = Some(entry.text(value::scope)?),
+        "interface" => layer.interface = Some(entry.list(value::interface)?),
+        "no-mdns" => layer.no_mdns = Some(entry.flag()?),
+        "mdns-port" => layer.mdns_port = Some(entry.number(value::port)?),
+        "peer" => layer.peer = Some(entry.list(value::peer_address)?),
+        "control" => layer.control = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
+        "json" => layer.json = Some(entry.flag()?),
+        "max-letter" => layer.max_letter = Some(entry.number(value::letter_size)?),
+        _ => return Err(Wrong::key(key)),
+    }
+    Ok(())
+}
+
+/// Empty text stands for the default, so that there is a default to show.
+fn or_default(
+    read: impl Fn(&str) -> Result<String, String>,
+) -> impl Fn(&str) -> Result<String, String> {
+    move |text| match text {
+        "" => Ok(String::new()),
+        text => read(text),
+    }
+}

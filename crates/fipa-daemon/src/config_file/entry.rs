@@ -1,0 +1,88 @@
+use fipa_directory::Address;
+use toml::Spanned;
+use toml::de::DeValue;
+
+use super::Wrong;
+use crate::options::value;
+
+/// A key with its value.
+pub(super) struct Entry<'a> {
+    pub(super) key: &'a str,
+    pub(super) value: &'a Spanned<DeValue<'a>>,
+}
+
+impl Entry<'_> {
+    /// A string.
+    pub(super) fn text<T>(&self, read: impl Fn(&str) -> Result<T, String>) -> Result<T, Wrong> {
+        match self.value.get_ref() {
+            DeValue::String(text) => read(text).map_err(|problem| self.bad(self.value, &problem)),
+            _ => Err(self.not("a string", self.value)),
+        }
+    }
+
+    /// A list of strings, or a string for a list of one.
+    pub(super) fn list<T>(
+        &self,
+        read: impl Fn(&str) -> Result<T, String>,
+    ) -> Result<Vec<T>, Wrong> {
+        let DeValue::Array(items) = self.value.get_ref() else {
+            return match self.value.get_ref() {
+                DeValue::String(_) => Ok(vec![self.text(read)?]),
+                _ => Err(self.not("a string or a list of strings", self.value)),
+            };
+        };
+        let item = |item: &Spanned<DeValue<'_>>| match item.get_ref() {
+            DeValue::String(text) => read(text).map_err(|problem| self.bad(item, &problem)),
+            _ => Err(self.not("a list of strings only", item)),
+        };
+        items.iter().map(item).collect()
+    }
+
+    /// `true` or `false`.
+    pub(super) fn flag(&self) -> Result<bool, Wrong> {
+        match self.value.get_ref() {
+            DeValue::Boolean(flag) => Ok(*flag),
+            _ => Err(self.not("true or false", self.value)),
+        }
+    }
+
+    /// A whole number.
+    pub(super) fn number<T>(&self, read: impl Fn(u64) -> Result<T, String>) -> Result<T, Wrong> {
+        let DeValue::Integer(digits) = self.value.get_ref() else {
+            return Err(self.not("a whole number", self.value));
+        };
+        let number = u64::from_str_radix(digits.as_str(), digits.radix())
+            .map_err(|_| format!("{digits} is negative or too large"));
+        let read = number.and_then(read);
+        read.map_err(|problem| self.bad(self.value, &problem))
+    }
+
+    /// The endpoints. None at all would be a daemon that nobody can reach.
+    pub(super) fn listen(&self) -> Result<Vec<Address>, Wrong> {
+        let addresses = self.list(value::listen_address)?;
+        if addresses.is_empty() {
+            return Err(self.bad(self.value, "at least one endpoint is needed"));
+        }
+        Ok(addresses)
+    }
+
+    fn bad(&self, at: &Spanned<DeValue<'_>>, problem: &str) -> Wrong {
+        Wrong {
+            at: at.span().start,
+            problem: format!("{}: {problem}", self.key),
+        }
+    }
+
+    fn not(&self, wanted: &str, at: &Spanned<DeValue<'_>>) -> Wrong {
+        let found = match at.get_ref() {
+            DeValue::String(_) => "a string",
+            DeValue::Integer(_) => "a whole number",
+            DeValue::Float(_) => "a number with a fraction",
+            DeValue::Boolean(_) => "true or false",
+            DeValue::Datetime(_) => "a date or time",
+            DeValue::Array(_) => "a list",
+            DeValue::Table(_) => "a table",
+        };
+        self.bad(at, &format!("this takes {wanted}, not {found}"))
+    }
+}

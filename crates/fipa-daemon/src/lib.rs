@@ -1,0 +1,82 @@
+//! The daemon `fipad`: one per robot.
+//!
+//! ```text
+//!   main ── options (command line, file, environment) ── run: a Platform, until a signal
+//!                                                    └── demo: a tour with two daemons
+//! ```
+//!
+//! **Knows** options, exit codes, signals and what a daemon says on its standard streams.
+//! **Never knows** how letters travel: that is the platform's.
+
+mod config_file;
+mod demo;
+pub mod options;
+mod run;
+
+use std::future::Future;
+use std::process::ExitCode;
+
+use fipa::Error;
+use tracing_subscriber::EnvFilter;
+
+use crate::options::{Invocation, Options};
+
+/// The program: reads the command line of this process and does what it says.
+pub fn main() -> ExitCode {
+    let env = |name: &str| Some(std::env::var_os(name)?.to_string_lossy().into_owned());
+    match options::parse(std::env::args_os(), env) {
+        Ok(Invocation::Run(options)) => daemon(&options),
+        Ok(Invocation::Demo) => demo(),
+        Ok(Invocation::Config) => print(options::DEFAULT_CONFIG),
+        Ok(Invocation::Help(text)) => print(&text),
+        Err(error) => fail(error.exit_code(), &error),
+    }
+}
+
+fn daemon(options: &Options) -> ExitCode {
+    log("warn,fipa=info");
+    match block_on(run::run(options)) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(error @ (Error::Name(_) | Error::Address(_)))) => fail(2, &error),
+        Ok(Err(error)) => fail(3, &error),
+        Err(error) => fail(3, &error),
+    }
+}
+
+fn demo() -> ExitCode {
+    match block_on(demo::run()) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(wrong)) => {
+            println!("   That did not work: {wrong}");
+            ExitCode::FAILURE
+        }
+        Err(error) => fail(3, &error),
+    }
+}
+
+/// Links, timers and the directory share one thread: waking another costs more than they do.
+fn block_on<T>(future: impl Future<Output = T>) -> std::io::Result<T> {
+    let mut runtime = tokio::runtime::Builder::new_current_thread();
+    Ok(runtime.enable_all().build()?.block_on(future))
+}
+
+/// The log goes to standard error; `FIPA_LOG` chooses what is in it.
+fn log(default: &str) {
+    let filter = EnvFilter::try_from_env("FIPA_LOG").unwrap_or_else(|_| EnvFilter::new(default));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(false)
+        .with_target(false)
+        .init();
+}
+
+fn print(text: &str) -> ExitCode {
+    print!("{text}");
+    ExitCode::SUCCESS
+}
+
+fn fail(code: u8, error: &dyn std::fmt::Display) -> ExitCode {
+    eprintln!("fipad: {error}");
+    ExitCode::from(code)
+}

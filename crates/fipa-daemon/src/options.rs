@@ -1,0 +1,133 @@
+//! The options of the daemon, merged from four sources.
+//!
+//! ```text
+//!   command line ──┐
+//!   --config FILE ─┼── Layer: what one source says ── merged, strongest first ── Options
+//!   FIPAD_… ───────┤
+//!   defaults ──────┘
+//! ```
+//!
+//! **Knows** names, values and precedence of the options. **Never knows** what they do; nothing
+//! is opened here but the configuration file.
+
+mod command_line;
+mod environment;
+mod error;
+mod layer;
+pub(crate) mod value;
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use fipa_directory::Address;
+use fipa_dsd::{InterfaceSelector, MDNS_PORT};
+
+pub use crate::config_file::DEFAULT_CONFIG;
+pub use error::OptionsError;
+pub(crate) use layer::Layer;
+
+use crate::config_file;
+use command_line::{CommandLine, Parsed, Subcommand};
+
+/// What the daemon is to do, every option with its final value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// The name of the message transport service, an ASCII word; without it the daemon makes one
+    /// from the host name.
+    pub name: Option<String>,
+    /// The endpoints to listen on, at least one; port 0 takes a free port.
+    pub listen: Vec<Address>,
+    /// What is told to others in place of the endpoints; empty: the endpoints themselves. No port
+    /// is 0.
+    pub advertise: Vec<Address>,
+    /// Only daemons of the same scope talk to each other; short enough to be announced.
+    pub scope: String,
+    /// Where mDNS is spoken; empty: decided by the endpoints.
+    pub interface: Vec<InterfaceSelector>,
+    /// Whether mDNS is left alone altogether.
+    pub no_mdns: bool,
+    /// The UDP port of mDNS, not 0.
+    pub mdns_port: u16,
+    /// Daemons to connect to without being discovered. No port is 0.
+    pub peer: Vec<Address>,
+    /// The Unix socket on which local programs attach.
+    pub control: PathBuf,
+    /// Whether standard output carries JSON.
+    pub json: bool,
+    /// Octets of the largest letter that is taken, at least 1.
+    pub max_letter: usize,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            name: None,
+            listen: vec![Address::tcp("127.0.0.1", 0)],
+            advertise: Vec::new(),
+            scope: String::new(),
+            interface: Vec::new(),
+            no_mdns: false,
+            mdns_port: MDNS_PORT,
+            peer: Vec::new(),
+            control: fipa::default_control_path(),
+            json: false,
+            max_letter: 256 << 20,
+        }
+    }
+}
+
+/// What a command line asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Invocation {
+    /// Run the daemon.
+    Run(Options),
+    /// Show the tour.
+    Demo,
+    /// Print [`DEFAULT_CONFIG`].
+    Config,
+    /// Print this text, help or version, as it is.
+    Help(String),
+}
+
+/// Reads a command line, the program's name first, and what it leaves open from the
+/// configuration file and from the environment.
+///
+/// `env` tells the value of an environment variable. A value that is not Unicode should be passed
+/// with replacement characters rather than as absent, so that it is noticed.
+///
+/// ```
+/// use fipa_daemon::options::{Invocation, parse};
+/// let line = ["fipad", "--listen", "0.0.0.0:4100"];
+/// let env = |name: &str| (name == "FIPAD_SCOPE").then(|| "plant".to_owned());
+/// let Ok(Invocation::Run(options)) = parse(line.map(Into::into).into_iter(), env) else {
+///     panic!("the daemon is to run");
+/// };
+/// assert_eq!(options.listen[0].to_string(), "tcp://0.0.0.0:4100");
+/// assert_eq!(options.scope, "plant");
+/// ```
+pub fn parse(
+    args: impl Iterator<Item = OsString>,
+    env: impl Fn(&str) -> Option<String>,
+) -> Result<Invocation, OptionsError> {
+    let line = match CommandLine::read(args)? {
+        Parsed::Text(text) => return Ok(Invocation::Help(text)),
+        Parsed::Line(line) => line,
+    };
+    match line.command {
+        Some(Subcommand::Demo) => Ok(Invocation::Demo),
+        Some(Subcommand::Config) => Ok(Invocation::Config),
+        None => merged(line, env).map(Invocation::Run),
+    }
+}
+
+fn merged(
+    line: CommandLine,
+    env: impl Fn(&str) -> Option<String>,
+) -> Result<Options, OptionsError> {
+    let file = match line.config.or_else(|| environment::config(&env)) {
+        Some(path) => config_file::load(&path)?,
+        None => Layer::default(),
+    };
+    let variables = environment::layer(&env)?;
+    Ok(line.options.over(file).over(variables).into_options())
+}

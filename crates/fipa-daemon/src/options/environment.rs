@@ -1,0 +1,59 @@
+//! The environment variables `FIPAD_NAME`, `FIPAD_LISTEN` and so on.
+
+use std::path::PathBuf;
+
+use super::{Layer, OptionsError, value};
+
+/// The variable that names the configuration file.
+pub(super) fn config(env: impl Fn(&str) -> Option<String>) -> Option<PathBuf> {
+    said(&env, "FIPAD_CONFIG").map(PathBuf::from)
+}
+
+/// What the variables say.
+pub(super) fn layer(env: impl Fn(&str) -> Option<String>) -> Result<Layer, OptionsError> {
+    let env = &env;
+    Ok(Layer {
+        name: one(env, "FIPAD_NAME", value::name)?,
+        listen: list(env, "FIPAD_LISTEN", value::listen_address)?,
+        advertise: list(env, "FIPAD_ADVERTISE", value::peer_address)?,
+        scope: one(env, "FIPAD_SCOPE", value::scope)?,
+        interface: list(env, "FIPAD_INTERFACE", value::interface)?,
+        no_mdns: one(env, "FIPAD_NO_MDNS", value::flag)?,
+        mdns_port: one(env, "FIPAD_MDNS_PORT", value::port_text)?,
+        peer: list(env, "FIPAD_PEER", value::peer_address)?,
+        control: said(env, "FIPAD_CONTROL").map(PathBuf::from),
+        json: one(env, "FIPAD_JSON", value::flag)?,
+        max_letter: one(env, "FIPAD_MAX_LETTER", value::letter_size_text)?,
+    })
+}
+
+fn one<T>(
+    env: &impl Fn(&str) -> Option<String>,
+    name: &'static str,
+    read: impl Fn(&str) -> Result<T, String>,
+) -> Result<Option<T>, OptionsError> {
+    let value = said(env, name).map(|value| read(&value)).transpose();
+    value.map_err(|problem| OptionsError::Variable { name, problem })
+}
+
+/// Values between commas and white space. A variable of nothing else says nothing.
+fn list<T>(
+    env: &impl Fn(&str) -> Option<String>,
+    name: &'static str,
+    read: impl Fn(&str) -> Result<T, String>,
+) -> Result<Option<Vec<T>>, OptionsError> {
+    let text = said(env, name).unwrap_or_default();
+    let parts = text.split(|c: char| c == ',' || c.is_whitespace());
+    let values = parts.filter(|part| !part.is_empty()).map(read);
+    match values.collect::<Result<Vec<T>, String>>() {
+        Ok(values) if values.is_empty() => Ok(None),
+        Ok(values) => Ok(Some(values)),
+        Err(problem) => Err(OptionsError::Variable { name, problem }),
+    }
+}
+
+/// The value of a variable. Empty is as good as not set, since unit files and scripts cannot
+/// always leave a variable out.
+fn said(env: &impl Fn(&str) -> Option<String>, name: &str) -> Option<String> {
+    env(name).filter(|value| !value.is_empty())
+}

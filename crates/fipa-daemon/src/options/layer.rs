@@ -1,0 +1,87 @@
+use std::path::PathBuf;
+
+use fipa_directory::Address;
+use fipa_dsd::InterfaceSelector;
+
+use super::{Options, value};
+
+/// What one source says; `None` where it says nothing.
+///
+/// As the options of the command line it is the one list of all options: their long names are the
+/// keys of the configuration file and, in capitals, the environment variables.
+#[derive(Debug, Default, clap::Args)]
+pub(crate) struct Layer {
+    /// The name of this daemon's message transport service [default: from the host name]
+    // From a file it may be empty, which stands for the default and still beats weaker sources.
+    #[arg(long, value_name = "NAME", value_parser = value::name)]
+    pub(crate) name: Option<String>,
+    /// An endpoint, repeatable; port 0 takes a free port [default: tcp://127.0.0.1:0]
+    #[arg(long, value_name = "URL|HOST:PORT", value_parser = value::listen_address)]
+    pub(crate) listen: Option<Vec<Address>>,
+    /// What others are told instead of the endpoints, repeatable
+    #[arg(long, value_name = "URL", value_parser = value::peer_address)]
+    pub(crate) advertise: Option<Vec<Address>>,
+    /// The fleet; only daemons of the same scope talk to each other [default: none]
+    #[arg(long, value_name = "NAME", value_parser = value::scope)]
+    pub(crate) scope: Option<String>,
+    /// Where mDNS is spoken, repeatable [default: where the endpoints are]
+    #[arg(long, value_name = "NAME|CIDR", value_parser = value::interface)]
+    pub(crate) interface: Option<Vec<InterfaceSelector>>,
+    /// Neither announce this daemon by mDNS nor look for others
+    #[arg(long, num_args = 0, default_missing_value = "true")]
+    pub(crate) no_mdns: Option<bool>,
+    /// The UDP port of mDNS [default: 5353]
+    #[arg(long, value_name = "PORT", value_parser = value::port_text, hide = true)]
+    pub(crate) mdns_port: Option<u16>,
+    /// A daemon to connect to that mDNS does not find, repeatable
+    #[arg(long, value_name = "URL", value_parser = value::peer_address)]
+    pub(crate) peer: Option<Vec<Address>>,
+    /// The Unix socket for local programs [default: fipad.sock in $XDG_RUNTIME_DIR]
+    // As for the name, empty in a file stands for the default.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) control: Option<PathBuf>,
+    /// Print JSON, one object a line
+    #[arg(long, num_args = 0, default_missing_value = "true")]
+    pub(crate) json: Option<bool>,
+    /// The size of the largest letter that is taken [default: 268435456]
+    #[arg(long, value_name = "BYTES", value_parser = value::letter_size_text)]
+    pub(crate) max_letter: Option<usize>,
+}
+
+impl Layer {
+    /// What this source says, and where it says nothing, what the weaker one says.
+    pub(crate) fn over(self, weaker: Layer) -> Layer {
+        Layer {
+            name: self.name.or(weaker.name),
+            listen: self.listen.or(weaker.listen),
+            advertise: self.advertise.or(weaker.advertise),
+            scope: self.scope.or(weaker.scope),
+            interface: self.interface.or(weaker.interface),
+            no_mdns: self.no_mdns.or(weaker.no_mdns),
+            mdns_port: self.mdns_port.or(weaker.mdns_port),
+            peer: self.peer.or(weaker.peer),
+            control: self.control.or(weaker.control),
+            json: self.json.or(weaker.json),
+            max_letter: self.max_letter.or(weaker.max_letter),
+        }
+    }
+
+    /// The options, with the defaults where nothing was said.
+    pub(crate) fn into_options(self) -> Options {
+        let default = Options::default();
+        let control = self.control.filter(|path| !path.as_os_str().is_empty());
+        Options {
+            name: self.name.filter(|name| !name.is_empty()),
+            listen: self.listen.unwrap_or(default.listen),
+            advertise: self.advertise.unwrap_or(default.advertise),
+            scope: self.scope.unwrap_or(default.scope),
+            interface: self.interface.unwrap_or(default.interface),
+            no_mdns: self.no_mdns.unwrap_or(default.no_mdns),
+            mdns_port: self.mdns_port.unwrap_or(default.mdns_port),
+            peer: self.peer.unwrap_or(default.peer),
+            control: control.unwrap_or(default.control),
+            json: self.json.unwrap_or(default.json),
+            max_letter: self.max_letter.unwrap_or(default.max_letter),
+        }
+    }
+}

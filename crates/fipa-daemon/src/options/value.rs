@@ -1,0 +1,95 @@
+//! What single values look like, the same for every source.
+
+use fipa::Text;
+use fipa_directory::{Address, ParseAddressError};
+use fipa_dsd::{InterfaceSelector, ParseSelectorError};
+
+/// The scope is announced in a TXT string of 255 octets that begins with `scope=`.
+const LONGEST_SCOPE: usize = 249;
+
+/// Links count the octets of a frame in 32 bits; this leaves room for what stands before a letter.
+const LARGEST_LETTER: u64 = 4_000_000_000;
+
+/// A name that every representation of a message can carry.
+pub(crate) fn name(text: &str) -> Result<String, String> {
+    if Text::from(text).is_word() {
+        Ok(text.to_owned())
+    } else {
+        Err(format!(
+            "{text:?} is not a name; a name is one ASCII word such as robot1, without spaces and \
+             parentheses, and does not begin with a digit, -, @, # or \""
+        ))
+    }
+}
+
+/// A scope that can be announced.
+pub(crate) fn scope(text: &str) -> Result<String, String> {
+    match text.len() {
+        ..=LONGEST_SCOPE => Ok(text.to_owned()),
+        length => Err(format!(
+            "the scope has {length} octets; at most {LONGEST_SCOPE} can be announced"
+        )),
+    }
+}
+
+/// An endpoint to listen on.
+pub(crate) fn listen_address(text: &str) -> Result<Address, String> {
+    text.parse()
+        .map_err(|error: ParseAddressError| error.to_string())
+}
+
+/// An endpoint to connect to: one with a port.
+pub(crate) fn peer_address(text: &str) -> Result<Address, String> {
+    match listen_address(text)? {
+        Address::Tcp { port: 0, .. } => Err(format!("{text:?}: nobody can connect to port 0")),
+        address => Ok(address),
+    }
+}
+
+/// An interface or a network.
+pub(crate) fn interface(text: &str) -> Result<InterfaceSelector, String> {
+    text.parse()
+        .map_err(|error: ParseSelectorError| error.to_string().replace(char::is_control, "?"))
+}
+
+/// Yes or no, where it is not a matter of being there.
+pub(super) fn flag(text: &str) -> Result<bool, String> {
+    match text {
+        "true" | "1" => Ok(true),
+        "false" | "0" => Ok(false),
+        _ => Err(format!("{text:?} is neither true nor false")),
+    }
+}
+
+/// A UDP port in decimal.
+pub(super) fn port_text(text: &str) -> Result<u16, String> {
+    port(number(text)?)
+}
+
+/// A UDP port.
+pub(crate) fn port(number: u64) -> Result<u16, String> {
+    match u16::try_from(number) {
+        Ok(port) if port != 0 => Ok(port),
+        _ => Err(format!("{number} is not a port; ports are 1 to 65535")),
+    }
+}
+
+/// The size of the largest letter in decimal.
+pub(super) fn letter_size_text(text: &str) -> Result<usize, String> {
+    letter_size(number(text)?)
+}
+
+/// The size of the largest letter.
+pub(crate) fn letter_size(number: u64) -> Result<usize, String> {
+    match usize::try_from(number) {
+        Ok(size) if (1..=LARGEST_LETTER).contains(&number) => Ok(size),
+        _ => Err(format!(
+            "{number} is no size of a letter; sizes are 1 to {LARGEST_LETTER}"
+        )),
+    }
+}
+
+fn number(text: &str) -> Result<u64, String> {
+    text.parse()
+        .map_err(|_| format!("{text:?} is not a whole number"))
+}

@@ -1,0 +1,107 @@
+//! The daemon at work: a platform with a control socket, until a signal ends it.
+
+use std::io::{self, Write};
+
+use fipa::{Change, ChangeKind, Error, Notice, Platform};
+use serde_json::{Value, json};
+use tokio::signal::unix::{SignalKind, signal};
+
+use crate::options::Options;
+
+/// Runs the daemon until SIGINT or SIGTERM.
+pub(crate) async fn run(options: &Options) -> Result<(), Error> {
+    let mut interrupt = signal(SignalKind::interrupt()).map_err(Error::Runtime)?;
+    let mut terminate = signal(SignalKind::terminate()).map_err(Error::Runtime)?;
+    let platform = platform(options).await?;
+    let mut changes = platform.watch();
+    let mut notices = platform.notices();
+    say_ready(options, &platform);
+    loop {
+        tokio::select! {
+            _ = interrupt.recv() => break,
+            _ = terminate.recv() => break,
+            Some(change) = changes.next() => say_conflict(options, &platform, &change),
+            Some(notice) = notices.next() => say_same_name(options, &notice),
+        }
+    }
+    tracing::info!("ends");
+    platform.shutdown().await;
+    Ok(())
+}
+
+async fn platform(options: &Options) -> Result<Platform, Error> {
+    let mut builder = Platform::builder()
+        .scope(&options.scope)
+        .mdns(!options.no_mdns)
+        .mdns_port(options.mdns_port)
+        .control(&options.control)
+        .max_letter(options.max_letter);
+    if let Some(name) = &options.name {
+        builder = builder.name(name);
+    }
+    for endpoint in &options.listen {
+        builder = builder.listen(endpoint.to_string());
+    }
+    for address in &options.advertise {
+        builder = builder.advertise(address.to_string());
+    }
+    for peer in &options.peer {
+        builder = builder.peer(peer.to_string());
+    }
+    for interface in &options.interface {
+        builder = builder.interface(interface.clone());
+    }
+    builder.start().await
+}
+
+fn say_ready(options: &Options, platform: &Platform) {
+    let endpoints: Vec<String> = platform.endpoints().iter().map(|e| e.to_string()).collect();
+    let name = platform.name();
+    let control = options.control.display().to_string();
+    if options.json {
+        say(&json!({
+            "event": "ready",
+            "name": name.as_str(),
+            "endpoints": endpoints,
+            "http": Value::Null,
+            "hiac": [],
+            "text": [],
+            "control": control,
+        }));
+    } else {
+        let endpoints = endpoints.join(" ");
+        say(&format_args!(
+            "{name} is ready at {endpoints}; programs attach at {control}"
+        ));
+    }
+}
+
+/// Two platforms hold the same agent name: loudly, once a time.
+fn say_conflict(options: &Options, platform: &Platform, change: &Change) {
+    if change.kind != ChangeKind::Conflict {
+        return;
+    }
+    let name = &change.record.entry.name;
+    tracing::error!("two platforms hold the agent name {name}: letters to it may go to either");
+    if options.json {
+        let agent = fipa_json::record_to_json(&change.record, platform.now());
+        say(&json!({"event": "conflict", "agent": agent}));
+    }
+}
+
+/// Another daemon bears our name.
+fn say_same_name(options: &Options, notice: &Notice) {
+    let Notice::Conflict { name, other } = notice else {
+        return;
+    };
+    tracing::error!("{notice}: give one of them another --name");
+    if options.json {
+        say(&json!({"event": "conflict", "name": name.as_str(), "other": other.as_str()}));
+    }
+}
+
+/// One line on standard output, at once. A daemon whose output nobody reads goes on.
+fn say(line: &dyn std::fmt::Display) {
+    let mut out = io::stdout().lock();
+    let _ = writeln!(out, "{line}").and_then(|()| out.flush());
+}

@@ -1,0 +1,154 @@
+use fipa_daemon::options::{DEFAULT_CONFIG, Options};
+use tempfile::TempDir;
+
+use crate::given::{Given, env, file, line, write};
+
+fn texts(values: &[impl ToString]) -> Vec<String> {
+    values.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn nothing_said_gives_the_defaults() {
+    let options = line(&[]).options();
+    assert_eq!(options, Options::default());
+    assert_eq!(texts(&options.listen), ["tcp://127.0.0.1:0"]);
+    assert_eq!(options.name, None);
+    assert_eq!(options.mdns_port, 5353);
+    assert_eq!(options.max_letter, 268_435_456);
+    assert_eq!(options.control, fipa::default_control_path());
+}
+
+#[test]
+fn the_stronger_source_wins_for_each_option_by_itself() {
+    let given = Given {
+        line: &["--name", "line", "--peer", "a:1"],
+        file: Some("name = 'file'\nscope = 'file'\npeer = 'b:1'\nlisten = 'b:2'\njson = false"),
+        env: &[
+            ("FIPAD_NAME", "env"),
+            ("FIPAD_SCOPE", "env"),
+            ("FIPAD_LISTEN", "c:2"),
+            ("FIPAD_MAX_LETTER", "9"),
+            ("FIPAD_JSON", "true"),
+        ],
+    };
+    let options = given.options();
+    assert_eq!(options.name.as_deref(), Some("line"));
+    assert_eq!(texts(&options.peer), ["tcp://a:1"]);
+    assert_eq!(options.scope, "file");
+    assert_eq!(texts(&options.listen), ["tcp://b:2"]);
+    assert!(!options.json);
+    assert_eq!(options.max_letter, 9);
+    assert_eq!(options.mdns_port, 5353);
+}
+
+#[test]
+fn every_option_can_be_given_in_every_source() {
+    let wanted = Options {
+        name: Some("robot1".into()),
+        listen: vec![
+            "0.0.0.0:4100".parse().unwrap(),
+            "unix:///a".parse().unwrap(),
+        ],
+        advertise: vec!["tcp://robot1:4100".parse().unwrap()],
+        scope: "plant".into(),
+        interface: vec!["wlan0".parse().unwrap(), "10.0.0.0/8".parse().unwrap()],
+        no_mdns: true,
+        mdns_port: 5454,
+        peer: vec!["tcp://[::1]:1".parse().unwrap(), "b:2".parse().unwrap()],
+        control: "/run/x.sock".into(),
+        json: true,
+        max_letter: 1000,
+    };
+    let words = "--name robot1 --listen tcp://0.0.0.0:4100 --listen unix:///a \
+                 --advertise tcp://robot1:4100 --scope plant --interface wlan0 \
+                 --interface 10.0.0.0/8 --no-mdns --mdns-port 5454 --peer [::1]:1 --peer b:2 \
+                 --control /run/x.sock --json --max-letter 1000";
+    let words: Vec<&str> = words.split_whitespace().collect();
+    assert_eq!(line(&words).options(), wanted);
+    let text = r#"
+        name = "robot1"
+        listen = ["tcp://0.0.0.0:4100", "unix:///a"]
+        advertise = "tcp://robot1:4100"
+        scope = "plant"
+        interface = ["wlan0", "10.0.0.0/8"]
+        no-mdns = true
+        mdns-port = 5454
+        peer = ["[::1]:1", "tcp://b:2"]
+        control = "/run/x.sock"
+        json = true
+        max-letter = 1_000
+    "#;
+    assert_eq!(file(text).options(), wanted);
+    let variables = [
+        ("FIPAD_NAME", "robot1"),
+        ("FIPAD_LISTEN", "tcp://0.0.0.0:4100,unix:///a"),
+        ("FIPAD_ADVERTISE", "robot1:4100"),
+        ("FIPAD_SCOPE", "plant"),
+        ("FIPAD_INTERFACE", "wlan0 10.0.0.0/8"),
+        ("FIPAD_NO_MDNS", "1"),
+        ("FIPAD_MDNS_PORT", "5454"),
+        ("FIPAD_PEER", " [::1]:1 ,\n b:2,"),
+        ("FIPAD_CONTROL", "/run/x.sock"),
+        ("FIPAD_JSON", "true"),
+        ("FIPAD_MAX_LETTER", "1000"),
+    ];
+    assert_eq!(env(&variables).options(), wanted);
+}
+
+#[test]
+fn an_empty_list_or_text_in_the_file_wins_and_an_empty_variable_says_nothing() {
+    let given = Given {
+        file: Some("peer = []\nname = ''\ncontrol = ''"),
+        env: &[
+            ("FIPAD_PEER", "a:1"),
+            ("FIPAD_NAME", "env"),
+            ("FIPAD_CONTROL", "/x"),
+        ],
+        ..Given::default()
+    };
+    assert_eq!(given.options(), Options::default());
+    let empty = env(&[
+        ("FIPAD_LISTEN", " , "),
+        ("FIPAD_NAME", ""),
+        ("FIPAD_JSON", ""),
+    ]);
+    assert_eq!(empty.options(), Options::default());
+}
+
+#[test]
+fn a_variable_names_the_file_unless_the_command_line_does() {
+    let dir = TempDir::new().unwrap();
+    let path = write(&dir, "scope = 'variable'");
+    let env = [("FIPAD_CONFIG", path.to_str().unwrap())];
+    let scope = |file| {
+        Given {
+            env: &env,
+            file,
+            line: &[],
+        }
+        .options()
+        .scope
+    };
+    assert_eq!(scope(None), "variable");
+    assert_eq!(scope(Some("scope = 'line'")), "line");
+}
+
+#[test]
+fn the_default_file_is_the_defaults() {
+    // Keys follow their # at once, explanations after a space.
+    let keys = DEFAULT_CONFIG
+        .lines()
+        .filter_map(|line| line.strip_prefix('#'));
+    let keys: Vec<&str> = keys
+        .filter(|line| line.starts_with(char::is_alphabetic))
+        .collect();
+    assert_eq!(keys.len(), 11);
+    let text = keys.join("\n");
+    let given = Given {
+        file: Some(&text),
+        env: &[("FIPAD_SCOPE", "beaten"), ("FIPAD_NAME", "beaten")],
+        ..Given::default()
+    };
+    assert_eq!(given.options(), Options::default());
+    assert_eq!(file(DEFAULT_CONFIG).options(), Options::default());
+}
