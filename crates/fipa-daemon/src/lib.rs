@@ -14,6 +14,7 @@ pub mod options;
 mod run;
 
 use std::future::Future;
+use std::io::Write;
 use std::process::ExitCode;
 
 use fipa::Error;
@@ -72,8 +73,10 @@ fn log(default: &str) {
 }
 
 fn print(text: &str) -> ExitCode {
-    print!("{text}");
-    ExitCode::SUCCESS
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => fail(3, &error),
+    }
 }
 
 fn fail(code: u8, error: &dyn std::fmt::Display) -> ExitCode {
