@@ -34,10 +34,7 @@ fn every_command_is_one_that_the_programs_take() {
     let commands = readme.lines().filter_map(|line| line.strip_prefix("    "));
     let mut seen = 0;
     for command in commands.filter(|line| line.starts_with("fipa")) {
-        let words: Vec<String> = command
-            .split_whitespace()
-            .map(|word| word.trim_matches('\'').to_owned())
-            .collect();
+        let words = words(command);
         seen += 1;
         if words[0] == "fipad" {
             let parsed = fipa_daemon::options::parse(words.iter().map(Into::into), |_| None);
@@ -48,4 +45,17 @@ fn every_command_is_one_that_the_programs_take() {
         }
     }
     assert!(seen > 8, "only {seen} commands were found");
+}
+
+/// Splits as a shell does that knows single quotes.
+fn words(command: &str) -> Vec<String> {
+    let mut words = Vec::new();
+    for (number, part) in command.split('\'').enumerate() {
+        if number % 2 == 1 {
+            words.push(part.to_owned());
+        } else {
+            words.extend(part.split_whitespace().map(str::to_owned));
+        }
+    }
+    words
 }
