@@ -43,6 +43,9 @@ impl Handle {
 /// Octets that are read at once.
 const CHUNK: usize = 64 << 10;
 
+/// Octets that wait for the rest of what they belong to, from which on it counts as large.
+const LARGE: usize = CHUNK / 2;
+
 /// Parts that are written at once.
 const PARTS: usize = 64;
 
@@ -90,11 +93,17 @@ async fn run(stream: &Stream, handle: &Handle, driver: &impl Driver) -> io::Resu
 
 /// Reads once; the rest, if there is more, comes with the next turn, after what is to be written.
 fn read(stream: &Stream, input: &mut BytesMut, driver: &impl Driver) -> io::Result<()> {
-    let octets: io::Result<usize> = SCRATCH.with_borrow_mut(|scratch| {
-        let octets = stream.try_read(scratch)?;
-        input.extend_from_slice(&scratch[..octets]);
-        Ok(octets)
-    });
+    let octets = if input.len() < LARGE {
+        SCRATCH.with_borrow_mut(|scratch| {
+            let octets = stream.try_read(scratch)?;
+            input.extend_from_slice(&scratch[..octets]);
+            Ok(octets)
+        })
+    } else {
+        // Something large is under way: room for as much again saves a copy of it.
+        input.reserve(input.len());
+        stream.try_read_buf(input)
+    };
     match octets {
         Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
         Ok(_) => {

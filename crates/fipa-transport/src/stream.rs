@@ -43,6 +43,10 @@ impl Stream {
         each!(self, stream => stream.try_read(buffer))
     }
 
+    pub(crate) fn try_read_buf(&self, buffer: &mut bytes::BytesMut) -> io::Result<usize> {
+        each!(self, stream => stream.try_read_buf(buffer))
+    }
+
     pub(crate) fn try_write_vectored(&self, parts: &[IoSlice<'_>]) -> io::Result<usize> {
         each!(self, stream => stream.try_write_vectored(parts))
     }

@@ -6,7 +6,6 @@ use fipa_directory::{Address, InstanceId};
 use fipa_dsd::{InterfaceSelector, MDNS_PORT, MdnsConfig};
 use fipa_mts::{Config, Mts};
 use fipa_transport::Listener;
-use tokio::task::AbortHandle;
 
 use crate::backend::Backend;
 use crate::clock::Clock;
@@ -141,12 +140,12 @@ impl PlatformBuilder {
         }
         let clock = Clock::start();
         let node = Node::start(clock, Mts::new(config));
-        let mut tasks: Vec<AbortHandle> = Vec::new();
+        let mut tasks = Vec::new();
         for listener in listeners {
-            tasks.push(tokio::spawn(node.clone().accept_from(listener, false)).abort_handle());
+            tasks.push(tokio::spawn(node.clone().accept_from(listener, false)));
         }
         if let Some(listener) = control {
-            tasks.push(tokio::spawn(node.clone().accept_from(listener, true)).abort_handle());
+            tasks.push(tokio::spawn(node.clone().accept_from(listener, true)));
         }
         for peer in &self.peers {
             let address = peer.parse()?;
@@ -243,23 +242,15 @@ impl PlatformBuilder {
         if !self.mdns || endpoints.is_empty() {
             return Ok(None);
         }
-        let started = Discovery::start(MdnsConfig {
+        let discovery = Discovery::start(MdnsConfig {
             instance,
             name: name.to_owned(),
             scope: self.scope.clone(),
             endpoints,
             interfaces: self.interfaces.clone(),
             port: self.mdns_port,
-        });
-        match started {
-            Ok(discovery) => Ok(Some(discovery)),
-            // A machine without multicast runs all the same; what was asked for by name must work.
-            Err(error) if self.interfaces.is_empty() => {
-                tracing::warn!("mDNS is not spoken: {error}");
-                Ok(None)
-            }
-            Err(error) => Err(error.into()),
-        }
+        })?;
+        Ok(Some(discovery))
     }
 }
 

@@ -17,24 +17,48 @@ use crate::node::Node;
 /// How long the network is asked whether a default name is taken.
 const NAME_PATIENCE: Duration = Duration::from_millis(300);
 
-/// mDNS as it is spoken, with what was heard before anybody listened.
+/// The pause before mDNS that could not be spoken is tried again; each further one is twice as
+/// long, up to the longest.
+const FIRST_PAUSE: Duration = Duration::from_secs(1);
+const LONGEST_PAUSE: Duration = Duration::from_secs(30);
+
+/// mDNS, with what was heard before anybody listened.
+///
+/// An interface may come up after the platform, as a radio does that is not associated yet: mDNS
+/// that cannot be spoken is tried again.
 pub(crate) struct Discovery {
-    mdns: Mdns,
+    config: MdnsConfig,
+    mdns: Option<Mdns>,
+    pause: Duration,
     early: VecDeque<DiscoveryEvent>,
 }
 
 impl Discovery {
+    /// Begins to speak. An interface that was asked for by name must be there at once.
     pub(crate) fn start(config: MdnsConfig) -> Result<Discovery, MdnsError> {
+        let mdns = match Mdns::start(config.clone()) {
+            Ok(mdns) => Some(mdns),
+            Err(error) if config.interfaces.is_empty() => {
+                tracing::warn!("mDNS is not spoken yet: {error}");
+                None
+            }
+            Err(error) => return Err(error),
+        };
         Ok(Discovery {
-            mdns: Mdns::start(config)?,
+            config,
+            mdns,
+            pause: FIRST_PAUSE,
             early: VecDeque::new(),
         })
     }
 
     /// Whether another platform of this name is heard.
     pub(crate) async fn is_name_taken(&mut self, name: &str) -> bool {
+        let Some(mdns) = &mut self.mdns else {
+            return false;
+        };
         let listen = async {
-            while let Some(event) = self.mdns.next().await {
+            while let Some(event) = mdns.next().await {
                 let taken = matches!(&event, DiscoveryEvent::Found(peer) if peer.name == name);
                 self.early.push_back(event);
                 if taken {
@@ -49,7 +73,45 @@ impl Discovery {
     }
 
     pub(crate) async fn shutdown(self) {
-        self.mdns.shutdown().await;
+        if let Some(mdns) = self.mdns {
+            mdns.shutdown().await;
+        }
+    }
+
+    /// The next event. Cancel-safe.
+    async fn next(&mut self) -> DiscoveryEvent {
+        loop {
+            if let Some(event) = self.early.pop_front() {
+                return event;
+            }
+            match &mut self.mdns {
+                Some(mdns) => match mdns.next().await {
+                    Some(event) => return event,
+                    None => {
+                        tracing::warn!("mDNS has ended, and is begun anew");
+                        self.mdns = None;
+                    }
+                },
+                None => {
+                    tokio::time::sleep(self.pause).await;
+                    self.start_again();
+                }
+            }
+        }
+    }
+
+    fn start_again(&mut self) {
+        match Mdns::start(self.config.clone()) {
+            Ok(mdns) => {
+                tracing::info!("mDNS is spoken now");
+                self.mdns = Some(mdns);
+                self.pause = FIRST_PAUSE;
+            }
+            Err(error) => {
+                tracing::debug!("mDNS is not spoken yet: {error}");
+                self.pause = (self.pause * 2).min(LONGEST_PAUSE);
+            }
+        }
     }
 }
 
@@ -75,27 +137,18 @@ async fn listen(
     mut verify: mpsc::UnboundedReceiver<InstanceId>,
     mut until: oneshot::Receiver<()>,
 ) {
-    while let Some(event) = discovery.early.pop_front() {
-        hand_over(&node, event);
-    }
     loop {
         tokio::select! {
-            event = discovery.mdns.next() => match event {
-                Some(event) => hand_over(&node, event),
-                None => {
-                    tracing::warn!("mDNS has ended: platforms that appear now are not found by it");
-                    return;
-                }
-            },
+            event = discovery.next() => hand_over(&node, event),
             Some(instance) = verify.recv() => {
-                if let Err(error) = discovery.mdns.verify(instance) {
+                if let Some(Err(error)) = discovery.mdns.as_ref().map(|mdns| mdns.verify(instance)) {
                     tracing::debug!("mDNS does not verify: {error}");
                 }
             }
             _ = &mut until => break,
         }
     }
-    discovery.mdns.shutdown().await;
+    discovery.shutdown().await;
 }
 
 fn hand_over(node: &Arc<Node<Mts>>, event: DiscoveryEvent) {

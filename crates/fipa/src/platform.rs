@@ -5,7 +5,7 @@ use fipa_acl::Text;
 use fipa_directory::{Address, Change, Field, InstanceId, Now, Pattern, PatternError, Record};
 use fipa_mts::{Notice, Program, ProgramConfig, Registration};
 use tokio::sync::mpsc;
-use tokio::task::AbortHandle;
+use tokio::task::JoinHandle;
 
 use crate::agent::Agent;
 use crate::backend::Backend;
@@ -44,9 +44,9 @@ pub(crate) struct Inner {
     pub(crate) backend: Backend,
     pub(crate) clock: Clock,
     endpoints: Vec<Address>,
-    tasks: Vec<AbortHandle>,
+    tasks: std::sync::Mutex<Vec<JoinHandle<()>>>,
     goodbye: std::sync::Mutex<Option<tokio::sync::oneshot::Sender<()>>>,
-    discovery: std::sync::Mutex<Option<tokio::task::JoinHandle<()>>>,
+    discovery: std::sync::Mutex<Option<JoinHandle<()>>>,
 }
 
 impl Platform {
@@ -106,11 +106,8 @@ impl Platform {
         backend: Backend,
         clock: Clock,
         endpoints: Vec<Address>,
-        tasks: Vec<AbortHandle>,
-        discovery: Option<(
-            tokio::sync::oneshot::Sender<()>,
-            tokio::task::JoinHandle<()>,
-        )>,
+        tasks: Vec<JoinHandle<()>>,
+        discovery: Option<(tokio::sync::oneshot::Sender<()>, JoinHandle<()>)>,
     ) -> Platform {
         let (goodbye, discovery) = discovery.unzip();
         Platform {
@@ -118,7 +115,7 @@ impl Platform {
                 backend,
                 clock,
                 endpoints,
-                tasks,
+                tasks: std::sync::Mutex::new(tasks),
                 goodbye: std::sync::Mutex::new(goodbye),
                 discovery: std::sync::Mutex::new(discovery),
             }),
@@ -226,6 +223,11 @@ impl Platform {
     /// seconds at most.
     pub async fn shutdown(self) {
         self.inner.stop();
+        let tasks = std::mem::take(&mut *lock(&self.inner.tasks));
+        for task in tasks {
+            // Aborted; with it the socket is closed, and a control socket's file is gone.
+            let _ = task.await;
+        }
         let discovery = lock(&self.inner.discovery).take();
         if let Some(task) = discovery {
             let _ = tokio::time::timeout(std::time::Duration::from_secs(2), task).await;
@@ -239,7 +241,7 @@ impl Platform {
 
 impl Inner {
     fn stop(&self) {
-        self.tasks.iter().for_each(AbortHandle::abort);
+        lock(&self.tasks).iter().for_each(JoinHandle::abort);
         if let Some(goodbye) = lock(&self.goodbye).take() {
             // The task may have ended by itself.
             let _ = goodbye.send(());
