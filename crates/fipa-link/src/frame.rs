@@ -52,7 +52,7 @@ pub enum Frame {
     Ping(u64),
     /// The answer to a ping.
     Pong(u64),
-    /// The link is about to be closed, and why.
+    /// The link is about to be closed, and why; or which one of several between two stays.
     Goodbye(Text),
     /// A kind that this version does not know; it is passed over.
     Unknown(u8),

@@ -13,6 +13,9 @@ const FRAME_OVERHEAD: usize = 64 << 10;
 /// Octets of a frame that holds no letter, at most.
 const MAX_CONTROL_FRAME: usize = 4 << 20;
 
+/// The kind of a letter's frame.
+const LETTER: u8 = 2;
+
 /// What a link is made with.
 #[derive(Clone, Debug)]
 pub struct LinkConfig {
@@ -49,6 +52,8 @@ pub struct Link {
     out: VecDeque<Bytes>,
     out_octets: usize,
     last_heard: Duration,
+    last_sent: Duration,
+    /// The last heartbeat of ours; before the link is open, when it was made.
     last_ping: Duration,
     last_letter: Option<Duration>,
     misses: u32,
@@ -110,6 +115,7 @@ impl Link {
             out: VecDeque::new(),
             out_octets: 0,
             last_heard: now.mono,
+            last_sent: now.mono,
             last_ping: now.mono,
             last_letter: None,
             misses: 0,
@@ -141,7 +147,7 @@ impl Link {
         if self.stage == Stage::Preamble {
             self.stage = Stage::Hello;
         }
-        while let Some(frame) = self.take_frame(received)? {
+        while let Some(frame) = self.take_frame(now, received)? {
             if let Some(event) = self.accept(now, frame)? {
                 return Ok(Some(event));
             }
@@ -154,6 +160,7 @@ impl Link {
         if matches!(frame, Frame::Letter(_)) {
             self.last_letter = Some(now.mono);
         }
+        self.last_sent = now.mono;
         let mut parts = Vec::with_capacity(3);
         frame.encode(&mut parts);
         parts.into_iter().for_each(|part| self.push(part));
@@ -175,8 +182,9 @@ impl Link {
     /// [`Now::mono`].
     pub fn poll_timeout(&self) -> Duration {
         match self.stage {
-            Stage::Open => self.last_heard.max(self.last_ping) + self.heartbeat(),
-            _ => self.last_heard + self.config.hello_timeout,
+            // A partner that is busy with sending a large letter must hear of us meanwhile.
+            Stage::Open => self.miss_at().min(self.last_sent + self.heartbeat()),
+            _ => self.last_ping + self.config.hello_timeout,
         }
     }
 
@@ -189,7 +197,7 @@ impl Link {
         if self.stage != Stage::Open {
             return Err(LinkError::NoHello);
         }
-        if self.last_ping > self.last_heard {
+        if now.mono >= self.miss_at() && self.last_ping > self.last_heard {
             self.misses += 1;
         }
         if self.misses >= 6 {
@@ -209,6 +217,11 @@ impl Link {
         self.send(now, Frame::Goodbye(reason.into()));
     }
 
+    /// When the heartbeat that was sent last counts as missed, unless something is heard.
+    fn miss_at(&self) -> Duration {
+        self.last_heard.max(self.last_ping) + self.heartbeat()
+    }
+
     fn heartbeat(&self) -> Duration {
         let busy = self
             .last_letter
@@ -225,14 +238,18 @@ impl Link {
         self.out.push_back(part);
     }
 
-    fn take_frame(&self, received: &mut BytesMut) -> Result<Option<Frame>, LinkError> {
+    fn take_frame(
+        &mut self,
+        now: Now,
+        received: &mut BytesMut,
+    ) -> Result<Option<Frame>, LinkError> {
         let Some((head, _)) = received.split_first_chunk::<5>() else {
             return Ok(None);
         };
         let [l0, l1, l2, l3, kind] = *head;
         let length = u32::from_be_bytes([l0, l1, l2, l3]) as usize;
         let limit = match kind {
-            2 => usize::try_from(self.config.hello.max_letter)
+            LETTER => usize::try_from(self.config.hello.max_letter)
                 .unwrap_or(usize::MAX)
                 .saturating_add(FRAME_OVERHEAD),
             _ => MAX_CONTROL_FRAME,
@@ -241,6 +258,10 @@ impl Link {
             return Err(LinkError::TooLarge(length));
         }
         if received.len() < 4 + length {
+            // Its sender keeps the heartbeat of letters; so do we while it is on its way.
+            if kind == LETTER && self.stage == Stage::Open {
+                self.last_letter = Some(now.mono);
+            }
             return Ok(None);
         }
         received.advance(5);

@@ -93,7 +93,7 @@ pub enum Output {
     },
     /// Octets wait to be written to this connection.
     Transmit(ConnId),
-    /// Close this connection once what waits is written. It is not heard of again.
+    /// Close this connection once what waits is written; [`Machine::closed`] follows.
     Close(ConnId),
     /// What became of a registration.
     Registered {

@@ -21,6 +21,10 @@ use crate::{Mailbox, ProgramConfig};
 /// The pause between two dials of a daemon that is not there.
 const PAUSE: Duration = Duration::from_millis(100);
 
+/// How much longer than a letter's sender we wait: the daemon's own answer, with its reason, comes
+/// before we give up.
+const MARGIN: Duration = Duration::from_millis(500);
+
 /// A program that attaches agents to a daemon.
 ///
 /// When the daemon ends it is looked for, and the agents are attached again; letters of which
@@ -34,6 +38,8 @@ pub struct Program {
     /// A whole snapshot has come.
     directory_known: bool,
     service: Text,
+    /// Octets of the largest letter that the daemon takes.
+    daemon_max: u64,
     conn: Option<(ConnId, Link)>,
     open: bool,
     ever_open: bool,
@@ -57,8 +63,6 @@ pub struct Program {
 struct Attached {
     registration: Registration,
     mailbox: Mailbox,
-    /// The daemon has said yes once.
-    confirmed: bool,
 }
 
 #[derive(Debug)]
@@ -77,6 +81,7 @@ impl Program {
             snapshot: None,
             directory_known: false,
             service: Text::default(),
+            daemon_max: u64::MAX,
             conn: None,
             open: false,
             ever_open: false,
@@ -122,10 +127,11 @@ impl Program {
     }
 
     fn announce_transmit(&mut self) {
-        if let Some((conn, link)) = &self.conn
-            && link.queued() > 0
-            && !std::mem::replace(&mut self.announced, true)
-        {
+        let Some((conn, link)) = &self.conn else {
+            return;
+        };
+        self.link_timer = Some(link.poll_timeout());
+        if link.queued() > 0 && !std::mem::replace(&mut self.announced, true) {
             self.outputs.push_back(Output::Transmit(*conn));
         }
     }
@@ -141,6 +147,7 @@ impl Program {
 
     fn on_open(&mut self, now: Now, hello: Hello) {
         self.service = hello.name;
+        self.daemon_max = hello.max_letter;
         self.open = true;
         self.ever_open = true;
         self.lost_since = None;
@@ -148,7 +155,8 @@ impl Program {
         if self.config.watch {
             self.send(now, Frame::Watch);
         }
-        let names: Vec<Text> = self.agents.keys().cloned().collect();
+        let mut names: Vec<Text> = self.agents.keys().cloned().collect();
+        names.sort();
         for name in names {
             self.attach(now, name, None);
         }
@@ -247,9 +255,6 @@ impl Program {
             return;
         };
         let result = if refusal.is_empty() {
-            if let Some(agent) = self.agents.get_mut(&name) {
-                agent.confirmed = true;
-            }
             Ok(())
         } else {
             self.agents.remove(&name);
@@ -328,8 +333,15 @@ impl Program {
         let Some(sent) = self.letters.get_mut(&id) else {
             return;
         };
+        let octets: usize = sent.parts.iter().map(Bytes::len).sum();
+        if octets as u64 > self.daemon_max {
+            let max = self.daemon_max;
+            let why = format!("a letter of {octets} octets is larger than the {max} it takes");
+            self.on_receipt(id, vec![outcome("", Outcome::Refused, &why)]);
+            return;
+        }
         sent.transmitted = true;
-        let left = sent.deadline.saturating_sub(now.mono);
+        let left = sent.deadline.saturating_sub(now.mono + MARGIN);
         let frame = LetterFrame {
             id,
             ttl_millis: u32::try_from(left.as_millis()).unwrap_or(u32::MAX),
@@ -345,15 +357,19 @@ impl Program {
         self.announced = false;
         self.link_timer = None;
         let since = *self.lost_since.get_or_insert(now.mono);
-        let fate: Vec<u64> = self
+        let mut fate: Vec<u64> = self
             .letters
             .iter()
             .filter(|(_, sent)| sent.transmitted)
             .map(|(id, _)| *id)
             .collect();
+        fate.sort_unstable();
         for id in fate {
             let why = format!("the daemon went away before it said what became of it: {reason}");
             self.on_receipt(id, vec![outcome("", Outcome::Timeout, &why)]);
+        }
+        if self.given_up {
+            return;
         }
         let patience = match self.ever_open {
             true => self.config.patience,
@@ -411,7 +427,6 @@ impl Machine for Program {
             unix_millis: now.unix_millis,
         };
         let link = Link::new(LinkConfig::new(hello), now);
-        self.link_timer = Some(link.poll_timeout());
         self.conn = Some((connected.conn, link));
         self.announced = false;
         self.announce_transmit();
@@ -485,10 +500,7 @@ impl Machine for Program {
         {
             let conn = *conn;
             match link.handle_timeout(now) {
-                Ok(_) => {
-                    self.link_timer = Some(link.poll_timeout());
-                    self.announce_transmit();
-                }
+                Ok(_) => self.announce_transmit(),
                 Err(error) => {
                     self.outputs.push_back(Output::Close(conn));
                     self.lost(now, &error.to_string());
@@ -524,17 +536,16 @@ impl Machine for Program {
             Attached {
                 registration,
                 mailbox,
-                confirmed: false,
             },
         );
         self.attach(now, name, Some(ticket));
     }
 
     fn deregister(&mut self, now: Now, name: &str) {
-        let Some((name, agent)) = self.agents.remove_entry(name) else {
+        let Some((name, _)) = self.agents.remove_entry(name) else {
             return;
         };
-        if agent.confirmed && self.open {
+        if self.open {
             let request = self.id();
             self.send(now, Frame::Detach { request, name });
         }
@@ -568,8 +579,7 @@ impl Machine for Program {
             return;
         }
         let id = self.id();
-        // The daemon's own answer, with its reason, comes a little before we give up.
-        let deadline = now.mono + timeout + Duration::from_millis(500);
+        let deadline = now.mono + timeout + MARGIN;
         let parts = vec![head.freeze(), letter.payload];
         let sent = Sent {
             ticket,

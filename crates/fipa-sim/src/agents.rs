@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use fipa_acl::{AgentId, Envelope, FipaTime, Letter, Representation, Slots, Text};
+use fipa_directory::Directory;
 use fipa_link::ReceiverOutcome;
-use fipa_mts::{Output, Registration, Submission};
+use fipa_mts::{Machine, Output, Registration, Submission};
 
 use crate::node::NodeId;
 use crate::sim::Sim;
@@ -118,9 +119,16 @@ impl Sim {
             .collect()
     }
 
-    /// Sets whether the agents of a node take their mail as soon as it comes.
+    /// Sets whether the agents of a node take their mail as soon as it comes. What waits is taken
+    /// when they begin.
     pub fn set_reading(&mut self, node: NodeId, reading: bool) {
         self.nodes[node.0].reading = reading;
+        let records = self.nodes[node.0].machine().map(Machine::directory);
+        let records = records.into_iter().flat_map(Directory::iter);
+        let names: Vec<Text> = records.map(|record| record.entry.name.clone()).collect();
+        for name in names.iter().filter(|_| reading) {
+            self.read_mail(node, name);
+        }
     }
 
     pub(crate) fn collect(&mut self, node: NodeId, output: Output) {

@@ -13,10 +13,21 @@ use crate::sim::Sim;
 /// How long a host that is cut off is dialled.
 const NO_ANSWER: Duration = Duration::from_secs(3);
 
+/// How long octets travel between processes of one host.
+const ON_HOST: Duration = Duration::from_micros(50);
+
 impl Sim {
     /// What the network between two nodes is like.
     pub(crate) fn network_between(&self, one: NodeId, two: NodeId) -> Network {
         let (one, two) = self.hosts(one, two);
+        if one == two {
+            // A Unix socket.
+            return Network {
+                latency: ON_HOST,
+                split: self.network.split,
+                ..Network::default()
+            };
+        }
         let own = self.networks.get(&(one, two));
         own.unwrap_or(&self.network).clone()
     }
@@ -47,8 +58,7 @@ impl Sim {
             addresses,
             next: 0,
         };
-        let pause = self.network.latency;
-        self.put(pause, Event::Dial(dialling));
+        self.put(ON_HOST, Event::Dial(dialling));
     }
 
     pub(crate) fn dial_next(&mut self, mut dialling: Dialling) {

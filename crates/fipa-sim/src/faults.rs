@@ -5,7 +5,7 @@ use std::time::Duration;
 use fipa_directory::InstanceId;
 
 use crate::events::Event;
-use crate::net::Network;
+use crate::net::{EndState, Network};
 use crate::node::{NodeId, Running};
 use crate::sim::Sim;
 
@@ -144,12 +144,14 @@ impl Sim {
             return;
         };
         let node = open.ends[side].node;
-        let conns = &self.nodes[node.0].conns;
-        let conn = conns.iter().find(|(_, end)| **end == (stream, side));
-        let conn = conn.map(|(conn, _)| *conn);
-        self.end_side(stream, side, None);
-        if let Some(conn) = conn {
-            self.closed_here(node, conn);
+        match open.ends[side].state {
+            EndState::Open(conn) => {
+                self.end_side(stream, side, None);
+                self.closed_here(node, conn);
+            }
+            // It ends as soon as it is there.
+            EndState::Connecting => self.answer_reset(stream, side),
+            EndState::Ended => {}
         }
     }
 

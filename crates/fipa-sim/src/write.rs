@@ -36,6 +36,7 @@ impl Sim {
                 continue;
             }
             let mut piece = part.len();
+            let mut written = now;
             if open.network.split && part.len() > 1 && open.random.bool() {
                 piece = open.random.usize(1..part.len());
             }
@@ -43,15 +44,15 @@ impl Sim {
                 piece = piece.min(PIECE);
                 let from = &mut open.ends[side];
                 from.free_at = now + Duration::from_secs_f64(piece as f64 / speed as f64);
-                let at = from.free_at;
+                written = from.free_at;
                 let run = self.nodes[node.0].run;
-                self.queue.put(at, Event::Pump { node, run, conn });
+                self.queue.put(written, Event::Pump { node, run, conn });
             }
             let rest = part.split_off(piece);
             if !rest.is_empty() {
                 open.ends[side].outbox.push_front(rest);
             }
-            arrivals.push(open.put(now, 1 - side, Item::Octets(part)));
+            arrivals.push(open.put(written, 1 - side, Item::Octets(part)));
         }
         self.arrivals(stream, 1 - side, arrivals);
         if into_nothing {
@@ -65,7 +66,7 @@ impl Sim {
     }
 
     /// A host whose process is gone says so to whoever writes; one without power says nothing.
-    fn answer_reset(&mut self, stream: u64, side: usize) {
+    pub(crate) fn answer_reset(&mut self, stream: u64, side: usize) {
         let now = self.now.mono;
         if let Some(open) = self.streams.get_mut(&stream)
             && self.nodes[open.ends[1 - side].node.0].machine().is_some()

@@ -1,10 +1,11 @@
 //! Connections: from the first octet to the hello, from the last frame to the end.
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_acl::Text;
-use fipa_directory::{Address, InstanceId, Now};
+use fipa_directory::{Address, Entry, InstanceId, Now};
 use fipa_link::{Event, Frame, Hello, Link, LinkConfig, Role};
 
 use super::peers::Purpose;
@@ -16,6 +17,9 @@ pub(super) const SHUTDOWN: &str = "the service ends";
 
 /// The goodbye on the younger of two links between the same two services.
 pub(super) const DUPLICATE: &str = "there is another link between us";
+
+/// The answer to [`DUPLICATE`] of a service that does not have the other link, or not any more.
+pub(super) const ONLY: &str = "this is the only link between us";
 
 /// The goodbye of a service that was called by itself.
 const MYSELF: &str = "this is the service itself";
@@ -34,8 +38,14 @@ pub(super) struct Conn {
     pub(super) outstanding: BTreeSet<u64>,
     /// No new letters go out on it; it closes once it has nothing outstanding.
     pub(super) retired: bool,
+    /// The entries of a snapshot of which parts are missing.
+    pub(super) snapshot: Option<Vec<Entry>>,
     /// An [`Output::Transmit`] is under way.
     announced: bool,
+    /// Why we have closed it, while the rest is written.
+    parted: Option<&'static str>,
+    /// Its timer; one that fires earlier is of no use any more.
+    timer: Duration,
 }
 
 /// Who is at the other end.
@@ -49,7 +59,12 @@ pub(super) enum Partner {
         max_letter: u64,
     },
     /// A program, and whether it wants the directory.
-    Program { name: Text, watch: bool },
+    Program {
+        instance: InstanceId,
+        name: Text,
+        watch: bool,
+        max_letter: u64,
+    },
 }
 
 impl Conn {
@@ -74,8 +89,13 @@ impl Mts {
             Some((dial, address)) => (self.dials.remove(&dial), Some(address)),
             None => (None, None),
         };
+        if self.closing {
+            self.outputs.push_back(Output::Close(conn));
+            return;
+        }
         let link = Link::new(LinkConfig::new(self.hello(now, same_host)), now);
-        self.timer(link.poll_timeout(), Timer::Conn(conn));
+        let timer = link.poll_timeout();
+        self.timer(timer, Timer::Conn(conn));
         self.conns.insert(
             conn,
             Conn {
@@ -87,7 +107,10 @@ impl Mts {
                 partner: Partner::Unknown,
                 outstanding: BTreeSet::new(),
                 retired: false,
+                snapshot: None,
                 announced: false,
+                parted: None,
+                timer,
             },
         );
         self.announce_transmit(conn);
@@ -116,9 +139,13 @@ impl Mts {
         let Some(open) = self.conns.get_mut(&conn) else {
             return;
         };
+        if open.timer > now.mono {
+            return;
+        }
         match open.link.handle_timeout(now) {
             Ok(event) => {
-                let at = open.link.poll_timeout();
+                open.timer = open.link.poll_timeout();
+                let at = open.timer;
                 self.timer(at, Timer::Conn(conn));
                 self.announce_transmit(conn);
                 if let Some(event) = event {
@@ -134,20 +161,16 @@ impl Mts {
         let Some(open) = self.conns.get_mut(&conn) else {
             return;
         };
-        let busy = matches!(frame, Frame::Letter(_));
-        let before = open.link.poll_timeout();
         open.link.send(now, frame);
-        let at = open.link.poll_timeout();
-        // The heartbeat quickens with the first letter.
-        if busy && at < before {
-            self.timer(at, Timer::Conn(conn));
-        }
         self.announce_transmit(conn);
     }
 
     /// Says goodbye and closes.
     pub(super) fn part(&mut self, now: Now, conn: ConnId, reason: &'static str) {
         self.send(now, conn, Frame::Goodbye(Text::from_static(reason)));
+        if let Some(open) = self.conns.get_mut(&conn) {
+            open.parted = Some(reason);
+        }
         self.outputs.push_back(Output::Close(conn));
     }
 
@@ -162,6 +185,7 @@ impl Mts {
         let Some(closed) = self.conns.remove(&conn) else {
             return;
         };
+        let reason = closed.parted.unwrap_or(reason);
         match closed.partner {
             Partner::Unknown => {
                 let with = match &closed.address {
@@ -185,11 +209,17 @@ impl Mts {
     }
 
     pub(super) fn announce_transmit(&mut self, conn: ConnId) {
-        if let Some(open) = self.conns.get_mut(&conn)
-            && open.link.queued() > 0
-            && !std::mem::replace(&mut open.announced, true)
-        {
+        let Some(open) = self.conns.get_mut(&conn) else {
+            return;
+        };
+        if open.link.queued() > 0 && !std::mem::replace(&mut open.announced, true) {
             self.outputs.push_back(Output::Transmit(conn));
+        }
+        // The heartbeat quickens with the first letter.
+        let at = open.link.poll_timeout();
+        if at < open.timer {
+            open.timer = at;
+            self.timer(at, Timer::Conn(conn));
         }
     }
 
@@ -230,13 +260,16 @@ impl Mts {
         match hello.role {
             Role::Program if open.control => {
                 open.partner = Partner::Program {
+                    instance: hello.instance,
                     name: hello.name,
                     watch: false,
+                    max_letter: hello.max_letter,
                 };
+                self.end_earlier_conn(now, conn, hello.instance);
             }
             Role::Program => self.part(now, conn, "programs attach on the control socket"),
             Role::Daemon if hello.instance == self.config.instance => {
-                self.seed_is_myself(purpose);
+                self.seed_is_myself(now, purpose);
                 self.part(now, conn, MYSELF);
             }
             Role::Daemon if hello.scope != self.config.scope => {
@@ -253,6 +286,24 @@ impl Mts {
         }
     }
 
+    /// A program that calls again has given up its earlier connection, whose end may come late: it
+    /// is not to be refused what it holds there.
+    fn end_earlier_conn(&mut self, now: Now, conn: ConnId, program: InstanceId) {
+        let same = |partner: &Partner| match partner {
+            Partner::Program { instance, .. } => *instance == program,
+            _ => false,
+        };
+        let earlier: Vec<ConnId> = self
+            .conns
+            .iter()
+            .filter(|(other, open)| **other != conn && same(&open.partner))
+            .map(|(other, _)| *other)
+            .collect();
+        for other in earlier {
+            self.give_up(now, other, "the program has called again");
+        }
+    }
+
     fn on_frame(&mut self, now: Now, conn: ConnId, frame: Frame) {
         let Some(open) = self.conns.get_mut(&conn) else {
             return;
@@ -263,7 +314,7 @@ impl Mts {
             (Frame::Receipt { id, outcomes }, _) => self.receipt(now, conn, id, outcomes),
             (Frame::Directory(directory), Partner::Daemon { instance, .. }) => {
                 let instance = *instance;
-                self.peer_directory(now, instance, directory);
+                self.peer_directory(now, conn, instance, directory);
             }
             (Frame::Watch, Partner::Program { watch, .. }) => {
                 *watch = true;
@@ -288,7 +339,11 @@ impl Mts {
 
     fn on_goodbye(&mut self, now: Now, conn: ConnId, reason: &str) {
         match reason {
+            DUPLICATE if self.is_only_link(conn) => {
+                self.send(now, conn, Frame::Goodbye(Text::from_static(ONLY)));
+            }
             DUPLICATE => self.retire(now, conn),
+            ONLY => self.keep_this_link(now, conn),
             SHUTDOWN => {
                 if let Some(open) = self.conns.get(&conn)
                     && let Partner::Daemon { instance, .. } = open.partner

@@ -108,7 +108,7 @@ impl Mts {
     /// Whether the letter was taken in before; then its receipt is given again, now or as soon as
     /// it is known.
     fn answered_before(&mut self, now: Now, instance: InstanceId, conn: ConnId, id: u64) -> bool {
-        let seen = self.peers.get(&instance).and_then(|p| p.seen.get(id));
+        let seen = self.seen.get(&instance).and_then(|seen| seen.get(id));
         match seen.cloned() {
             None => false,
             Some(SeenLetter::Done(outcomes)) => {
@@ -141,10 +141,9 @@ impl Mts {
                 open: receivers.len(),
             },
         );
-        if let Origin::Peer { instance, id, .. } = origin
-            && let Some(peer) = self.peers.get_mut(&instance)
-        {
-            peer.seen.set(id, SeenLetter::Pending(pending));
+        if let Origin::Peer { instance, id, .. } = origin {
+            let seen = self.seen.entry(instance).or_default();
+            seen.set(id, SeenLetter::Pending(pending));
         }
         pending
     }
@@ -204,8 +203,8 @@ impl Mts {
             }
             Origin::Program { conn, id } => self.send(now, conn, Frame::Receipt { id, outcomes }),
             Origin::Peer { instance, conn, id } => {
-                if let Some(peer) = self.peers.get_mut(&instance) {
-                    peer.seen.set(id, SeenLetter::Done(outcomes.clone()));
+                if let Some(seen) = self.seen.get_mut(&instance) {
+                    seen.set(id, SeenLetter::Done(outcomes.clone()));
                 }
                 self.send(now, conn, Frame::Receipt { id, outcomes });
             }
@@ -248,9 +247,13 @@ impl Mts {
         };
         let octets = delivery.octets();
         let refusal = match open.partner {
-            Partner::Daemon { max_letter, .. } if octets as u64 > max_letter => Some(format!(
-                "a letter of {octets} octets is larger than the {max_letter} it takes"
-            )),
+            Partner::Daemon { max_letter, .. } | Partner::Program { max_letter, .. }
+                if octets as u64 > max_letter =>
+            {
+                Some(format!(
+                    "a letter of {octets} octets is larger than the {max_letter} it takes"
+                ))
+            }
             _ if open.link.queued() > self.config.queue_octets => {
                 Some("too much waits to be written to it".to_owned())
             }
@@ -301,6 +304,11 @@ impl Mts {
                 }
             }
         }
+        self.receipted(now, conn, id);
+    }
+
+    /// A connection owes no receipt for this letter any more.
+    fn receipted(&mut self, now: Now, conn: ConnId, id: u64) {
         if let Some(open) = self.conns.get_mut(&conn) {
             open.outstanding.remove(&id);
             if open.retired {
@@ -345,10 +353,10 @@ impl Mts {
             }
             (Target::Seed(seed), _) => self.seed_error(seed),
         };
-        if let Some(open) = sent.and_then(|conn| self.conns.get_mut(&conn)) {
-            open.outstanding.remove(&id);
-        }
         self.finish(now, id, Outcome::Timeout, Text::from(reason));
+        if let Some(conn) = sent {
+            self.receipted(now, conn, id);
+        }
     }
 }
 

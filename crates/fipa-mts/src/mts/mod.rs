@@ -10,7 +10,7 @@ mod sync;
 
 pub(crate) use sync::record_of;
 
-use std::collections::{BTreeSet, HashMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
@@ -24,6 +24,7 @@ use self::deliveries::{Delivery, Origin, Pending};
 use self::peers::{Peer, Purpose, Seed};
 use self::programs::Local;
 use self::routing::Inbound;
+use self::seen::Seen;
 use crate::machine::{
     ConnId, Connected, DialId, Machine, Notice, Output, RegisterError, Registration, Submission,
 };
@@ -36,9 +37,11 @@ pub struct Mts {
     directory: Directory,
     /// Counts the changes of our own entries.
     version: u64,
-    conns: HashMap<ConnId, Conn>,
-    peers: HashMap<InstanceId, Peer>,
-    seeds: HashMap<u64, Seed>,
+    conns: BTreeMap<ConnId, Conn>,
+    peers: BTreeMap<InstanceId, Peer>,
+    /// What each peer has sent; kept while one that is gone may still come back and send it again.
+    seen: HashMap<InstanceId, Seen>,
+    seeds: BTreeMap<u64, Seed>,
     dials: HashMap<DialId, Purpose>,
     locals: HashMap<Text, Local>,
     /// Letters taken in whose outcomes are not all known.
@@ -60,6 +63,7 @@ enum Timer {
     Delivery(u64),
     Peer(InstanceId),
     Seed(u64),
+    Seen(InstanceId),
 }
 
 impl Mts {
@@ -68,9 +72,10 @@ impl Mts {
         Mts {
             directory: Directory::new(),
             version: 0,
-            conns: HashMap::new(),
-            peers: HashMap::new(),
-            seeds: HashMap::new(),
+            conns: BTreeMap::new(),
+            peers: BTreeMap::new(),
+            seen: HashMap::new(),
+            seeds: BTreeMap::new(),
             dials: HashMap::new(),
             locals: HashMap::new(),
             pending: HashMap::new(),
@@ -154,6 +159,7 @@ impl Machine for Mts {
                 Timer::Delivery(id) => self.delivery_timeout(now, id),
                 Timer::Peer(instance) => self.peer_timeout(now, instance),
                 Timer::Seed(seed) => self.seed_timeout(now, seed),
+                Timer::Seen(instance) => self.seen_timeout(now, instance),
             }
         }
         self.publish_changes(now);

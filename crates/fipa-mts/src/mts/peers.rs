@@ -13,9 +13,8 @@ use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now, Source, State};
 use fipa_link::{Frame, Hello, Outcome};
 
-use super::connections::{DUPLICATE, Partner};
+use super::connections::{DUPLICATE, ONLY, Partner};
 use super::deliveries::{Delivery, Target};
-use super::seen::Seen;
 use super::{Mts, Timer};
 use crate::machine::{ConnId, DialId, Notice, Output};
 
@@ -46,10 +45,8 @@ pub(super) struct Peer {
     /// Deliveries that wait for a link.
     waiting: VecDeque<u64>,
     waiting_octets: usize,
-    pub(super) seen: Seen,
-    /// The version of its entries that we hold, and a snapshot of which parts are missing.
+    /// The version of its entries that we hold.
     pub(super) version: Option<u64>,
-    pub(super) snapshot: Option<Vec<fipa_directory::Entry>>,
 }
 
 /// An address to dial until we know who is there.
@@ -101,9 +98,7 @@ impl Peer {
             last_error: "it has not been reached yet".to_owned(),
             waiting: VecDeque::new(),
             waiting_octets: 0,
-            seen: Seen::default(),
             version: None,
-            snapshot: None,
         }
     }
 
@@ -241,8 +236,12 @@ impl Mts {
         self.directory.set_state(instance, State::Alive);
         let same_host = self.conns.get(&conn).is_some_and(|open| open.same_host);
         self.send_own_entries(now, conn, same_host);
-        if let Some(Purpose::Seed(seed)) = purpose {
-            self.seed_met(now, seed, instance);
+        match purpose {
+            Some(Purpose::Seed(seed)) => self.seed_met(now, seed, instance),
+            Some(Purpose::Peer(other)) if other != instance => {
+                self.dial_ended(now, Purpose::Peer(other), "another service answers there");
+            }
+            _ => {}
         }
         if first {
             let via = self.conn_via(conn);
@@ -254,13 +253,17 @@ impl Mts {
                 name: hello.name,
                 via,
             });
+            if self.config.instance < instance {
+                self.send(now, conn, Frame::Goodbye(Text::from_static(ONLY)));
+            }
         } else {
             self.keep_one_link(now, instance);
         }
         self.flush_waiting(now, instance);
     }
 
-    /// Of several links the service with the smaller id keeps the one that it has had longest.
+    /// Of several links the service with the smaller id keeps the one that it has had longest. Each
+    /// side tells the other when it has just one: a stream can end on one side only.
     fn keep_one_link(&mut self, now: Now, instance: InstanceId) {
         if self.config.instance > instance {
             return;
@@ -291,6 +294,42 @@ impl Mts {
             self.outputs.push_back(Output::Close(conn));
             self.drop_conn(now, conn, DUPLICATE);
         }
+    }
+
+    /// Whether there is no other link to the same peer that is in use.
+    pub(super) fn is_only_link(&self, conn: ConnId) -> bool {
+        let Some(Partner::Daemon { instance, .. }) = self.conns.get(&conn).map(|c| &c.partner)
+        else {
+            return false;
+        };
+        let in_use = |link: &ConnId| self.conns.get(link).is_some_and(|open| !open.retired);
+        self.peers
+            .get(instance)
+            .is_some_and(|peer| !peer.links.iter().any(|link| *link != conn && in_use(link)))
+    }
+
+    /// The partner has no link but this one: the others are dead, and nobody told us.
+    pub(super) fn keep_this_link(&mut self, now: Now, conn: ConnId) {
+        let Some(open) = self.conns.get_mut(&conn) else {
+            return;
+        };
+        open.retired = false;
+        let Partner::Daemon { instance, .. } = open.partner else {
+            return;
+        };
+        let links = match self.peers.get(&instance) {
+            Some(peer) => peer.links.clone(),
+            None => return,
+        };
+        for other in links.into_iter().filter(|link| *link != conn) {
+            self.outputs.push_back(Output::Close(other));
+            self.drop_conn(
+                now,
+                other,
+                "the other side does not have this link any more",
+            );
+        }
+        self.flush_waiting(now, instance);
     }
 
     /// A link to a peer ended, with letters on it that have no receipt yet.
@@ -415,6 +454,7 @@ impl Mts {
         };
         self.directory.remove_owner(instance);
         self.fail_deliveries(now, instance, &format!("{} is gone", peer.name));
+        self.forget_seen_later(now, instance);
         let seeds: Vec<u64> = self
             .seeds
             .iter()
@@ -428,26 +468,41 @@ impl Mts {
 
     /// A daemon that was started anew is there with another id: the run before it is over.
     fn forget_earlier_run(&mut self, now: Now, hello: &Hello) {
-        let earlier: Vec<InstanceId> = self
+        let endpoints: Vec<Address> = hello.endpoints.iter().flat_map(|e| e.parse()).collect();
+        let there = |addresses: &[Address]| addresses.iter().any(|a| endpoints.contains(a));
+        let earlier: Vec<(InstanceId, Vec<ConnId>)> = self
             .peers
             .iter()
             .filter(|(instance, peer)| {
-                **instance != hello.instance && peer.name == hello.name && peer.links.is_empty()
+                **instance != hello.instance
+                    && peer.name == hello.name
+                    && (peer.links.is_empty() || there(&peer.known))
             })
-            .map(|(instance, _)| *instance)
+            .map(|(instance, peer)| (*instance, peer.links.clone()))
             .collect();
-        for instance in earlier {
+        for (instance, links) in earlier {
+            for seed in self.seeds.values_mut() {
+                if seed.instance == Some(instance) && there(&seed.addresses) {
+                    seed.instance = Some(hello.instance);
+                }
+            }
             self.forget_peer(now, instance);
+            // A host that lost its power did not end them.
+            for conn in links {
+                self.outputs.push_back(Output::Close(conn));
+                self.drop_conn(now, conn, "it was started anew");
+            }
         }
     }
 
     fn fail_deliveries(&mut self, now: Now, instance: InstanceId, reason: &str) {
-        let lost: Vec<u64> = self
+        let mut lost: Vec<u64> = self
             .deliveries
             .iter()
             .filter(|(_, delivery)| delivery.target == Target::Peer(instance))
             .map(|(id, _)| *id)
             .collect();
+        lost.sort_unstable();
         for id in lost {
             self.finish(now, id, Outcome::Timeout, Text::from(reason));
         }
@@ -596,6 +651,7 @@ impl Mts {
         };
         match seed.instance {
             Some(instance) => self.retarget(now, delivery, instance),
+            None if seed.myself => self.nobody_here(now, delivery),
             None => {
                 seed.waiting.push(delivery);
                 if seed.dialling.is_idle() {
@@ -652,12 +708,22 @@ impl Mts {
         }
     }
 
-    pub(super) fn seed_is_myself(&mut self, purpose: Option<Purpose>) {
+    pub(super) fn seed_is_myself(&mut self, now: Now, purpose: Option<Purpose>) {
         if let Some(Purpose::Seed(id)) = purpose
             && let Some(seed) = self.seeds.get_mut(&id)
         {
             seed.myself = true;
+            for delivery in std::mem::take(&mut seed.waiting) {
+                self.nobody_here(now, delivery);
+            }
         }
+    }
+
+    /// A letter whose address turned out to be our own, where nobody has the receiver's name.
+    fn nobody_here(&mut self, now: Now, delivery: u64) {
+        let here = &self.config.name;
+        let reason = Text::from(format!("no agent of this name is known at {here}"));
+        self.finish(now, delivery, Outcome::Unknown, reason);
     }
 
     /// Who was found at the seed is gone: it is dialled again, or forgotten.

@@ -57,21 +57,23 @@ impl Mts {
     /// A program's connection ended: its agents go, and so does what was on its way to them.
     pub(super) fn program_ended(&mut self, now: Now, conn: ConnId) {
         let held = |local: &Local| matches!(local, Local::Program(holder) if *holder == conn);
-        let names: Vec<Text> = self
+        let mut names: Vec<Text> = self
             .locals
             .iter()
             .filter(|(_, local)| held(local))
             .map(|(name, _)| name.clone())
             .collect();
+        names.sort();
         for name in names {
             self.remove_local(&name);
         }
-        let lost: Vec<u64> = self
+        let mut lost: Vec<u64> = self
             .deliveries
             .iter()
             .filter(|(_, delivery)| delivery.target == Target::Program(conn))
             .map(|(id, _)| *id)
             .collect();
+        lost.sort_unstable();
         for id in lost {
             let reason = "its program ended before it took the letter";
             self.finish(now, id, Outcome::Unknown, Text::from_static(reason));

@@ -2,8 +2,12 @@
 //! answered, not delivered twice.
 
 use std::collections::{HashMap, VecDeque};
+use std::time::Duration;
 
+use fipa_directory::{InstanceId, Now};
 use fipa_link::ReceiverOutcome;
+
+use super::{Mts, Timer};
 
 /// Letters of one peer that are remembered.
 const REMEMBERED: usize = 16_384;
@@ -12,6 +16,8 @@ const REMEMBERED: usize = 16_384;
 pub(super) struct Seen {
     letters: HashMap<u64, SeenLetter>,
     order: VecDeque<u64>,
+    /// When the peer was forgotten.
+    forgotten: Option<Duration>,
 }
 
 /// What became of a letter that was taken in.
@@ -36,6 +42,29 @@ impl Seen {
             {
                 self.letters.remove(&oldest);
             }
+        }
+    }
+}
+
+impl Mts {
+    /// A peer that is given up here may not have given us up: what it sent is remembered for as
+    /// long as it may wait for the receipts.
+    pub(super) fn forget_seen_later(&mut self, now: Now, instance: InstanceId) {
+        if let Some(seen) = self.seen.get_mut(&instance) {
+            seen.forgotten = Some(now.mono);
+            let at = now.mono + self.config.longest_wait;
+            self.timer(at, Timer::Seen(instance));
+        }
+    }
+
+    pub(super) fn seen_timeout(&mut self, now: Now, instance: InstanceId) {
+        let over = self
+            .seen
+            .get(&instance)
+            .and_then(|seen| seen.forgotten)
+            .is_some_and(|at| now.mono >= at + self.config.longest_wait);
+        if over && !self.peers.contains_key(&instance) {
+            self.seen.remove(&instance);
         }
     }
 }

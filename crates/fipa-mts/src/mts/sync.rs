@@ -95,15 +95,22 @@ impl Mts {
     }
 
     /// A peer tells of its agents. What it says of others' is passed over: each speaks for its own.
-    pub(super) fn peer_directory(&mut self, now: Now, instance: InstanceId, frame: DirectoryFrame) {
-        let Some(peer) = self.peers.get_mut(&instance) else {
+    pub(super) fn peer_directory(
+        &mut self,
+        now: Now,
+        conn: ConnId,
+        instance: InstanceId,
+        frame: DirectoryFrame,
+    ) {
+        let (Some(peer), Some(open)) = (self.peers.get_mut(&instance), self.conns.get_mut(&conn))
+        else {
             return;
         };
         let source = peer.source();
         if frame.snapshot {
-            peer.snapshot = Some(Vec::new());
+            open.snapshot = Some(Vec::new());
         }
-        if let Some(snapshot) = &mut peer.snapshot {
+        if let Some(snapshot) = &mut open.snapshot {
             snapshot.extend(frame.items.into_iter().filter_map(|item| match item {
                 DirectoryItem::Put { owner, entry, .. } if owner == instance => Some(entry),
                 _ => None,
@@ -111,7 +118,7 @@ impl Mts {
             if frame.more {
                 return;
             }
-            let entries = peer.snapshot.take().unwrap_or_default();
+            let entries = open.snapshot.take().unwrap_or_default();
             // Over two links the older snapshot may come last.
             if peer.version.is_none_or(|known| frame.version >= known) {
                 peer.version = Some(frame.version);

@@ -1,0 +1,302 @@
+//! Frames: every one comes back as it was, however the octets are cut.
+
+use bytes::{BufMut, Bytes, BytesMut};
+use fipa_acl::Text;
+use fipa_directory::{Entry, InstanceId, Location, Now, Source, State};
+use fipa_link::{
+    DirectoryFrame, DirectoryItem, Event, Frame, Hello, LetterFrame, Link, LinkConfig, LinkError,
+    Outcome, PREAMBLE, ReceiverOutcome, Role,
+};
+use proptest::prelude::*;
+
+fn text() -> impl Strategy<Value = Text> {
+    ".{0,12}".prop_map(Text::from)
+}
+
+fn instance() -> impl Strategy<Value = InstanceId> {
+    any::<[u8; 16]>().prop_map(InstanceId::from_bytes)
+}
+
+fn hello() -> impl Strategy<Value = Hello> {
+    let role = prop_oneof![Just(Role::Daemon), Just(Role::Program)];
+    let endpoints = prop::collection::vec(text(), 0..4);
+    let numbers = (any::<u16>(), any::<u64>(), any::<i64>());
+    (numbers, role, instance(), text(), text(), endpoints).prop_map(
+        |((version, max_letter, unix_millis), role, instance, name, scope, endpoints)| Hello {
+            version,
+            role,
+            instance,
+            name,
+            scope,
+            endpoints,
+            max_letter,
+            unix_millis,
+        },
+    )
+}
+
+fn outcome() -> impl Strategy<Value = ReceiverOutcome> {
+    let outcome = prop::sample::select(vec![
+        Outcome::Delivered,
+        Outcome::Sent,
+        Outcome::Unknown,
+        Outcome::Refused,
+        Outcome::Timeout,
+        Outcome::Expired,
+    ]);
+    // An empty address is none.
+    let via = prop::option::of(".{1,12}".prop_map(Text::from));
+    (text(), outcome, via, text()).prop_map(|(to, outcome, via, reason)| ReceiverOutcome {
+        to,
+        outcome,
+        via,
+        reason,
+    })
+}
+
+fn entry() -> impl Strategy<Value = Entry> {
+    let location =
+        (text(), text()).prop_map(|(address, signature)| Location { address, signature });
+    let locations = prop::collection::vec(location, 0..3);
+    (text(), text(), locations, text(), any::<i64>()).prop_map(
+        |(name, kind, locations, description, timestamp)| Entry {
+            name,
+            kind,
+            locations,
+            description,
+            timestamp,
+        },
+    )
+}
+
+fn item() -> impl Strategy<Value = DirectoryItem> {
+    let sources = vec![Source::Local, Source::Mdns, Source::Peer, Source::Ams];
+    let states = vec![State::Alive, State::Suspect, State::Gone];
+    let how = (prop::sample::select(sources), prop::sample::select(states));
+    prop_oneof![
+        (instance(), how, any::<u64>(), entry()).prop_map(
+            |(owner, (source, state), age_millis, entry)| DirectoryItem::Put {
+                owner,
+                source,
+                state,
+                age_millis,
+                entry,
+            }
+        ),
+        (instance(), text()).prop_map(|(owner, name)| DirectoryItem::Remove { owner, name }),
+    ]
+}
+
+/// Any frame but those that a link answers by itself.
+fn frame() -> impl Strategy<Value = Frame> {
+    let items = prop::collection::vec(item(), 0..5);
+    prop_oneof![
+        (
+            any::<u64>(),
+            any::<u32>(),
+            prop::collection::vec(any::<u8>(), 0..200)
+        )
+            .prop_map(|(id, ttl_millis, octets)| Frame::Letter(LetterFrame {
+                id,
+                ttl_millis,
+                parts: vec![Bytes::from(octets)],
+            })),
+        (any::<u64>(), prop::collection::vec(outcome(), 0..5))
+            .prop_map(|(id, outcomes)| Frame::Receipt { id, outcomes }),
+        (any::<u64>(), text(), text(), text()).prop_map(|(request, name, kind, description)| {
+            Frame::Attach {
+                request,
+                name,
+                kind,
+                description,
+            }
+        }),
+        (any::<u64>(), text()).prop_map(|(request, name)| Frame::Detach { request, name }),
+        (any::<u64>(), text()).prop_map(|(request, refusal)| Frame::Answer { request, refusal }),
+        Just(Frame::Watch),
+        (any::<u64>(), any::<bool>(), any::<bool>(), items).prop_map(
+            |(version, snapshot, more, items)| Frame::Directory(DirectoryFrame {
+                version,
+                snapshot,
+                more,
+                items,
+            })
+        ),
+        text().prop_map(Frame::Goodbye),
+    ]
+}
+
+fn any_frame() -> impl Strategy<Value = Frame> {
+    prop_oneof![
+        5 => frame(),
+        1 => hello().prop_map(Frame::Hello),
+        1 => any::<u64>().prop_map(Frame::Ping),
+        1 => any::<u64>().prop_map(Frame::Pong),
+    ]
+}
+
+fn octets(frame: Frame) -> BytesMut {
+    let mut parts = Vec::new();
+    frame.encode(&mut parts);
+    parts.concat().as_slice().into()
+}
+
+fn greeting() -> Hello {
+    Hello {
+        version: Hello::VERSION,
+        role: Role::Daemon,
+        instance: InstanceId::from_bytes([1; 16]),
+        name: Text::from("one"),
+        scope: Text::default(),
+        endpoints: Vec::new(),
+        max_letter: 1 << 20,
+        unix_millis: 0,
+    }
+}
+
+fn link() -> Link {
+    Link::new(LinkConfig::new(greeting()), Now::default())
+}
+
+/// What a link makes of octets that arrive in these pieces.
+fn events(pieces: &[&[u8]]) -> Result<Vec<Event>, LinkError> {
+    let mut link = link();
+    let mut received = BytesMut::new();
+    let mut events = Vec::new();
+    for piece in pieces {
+        received.extend_from_slice(piece);
+        while let Some(event) = link.receive(Now::default(), &mut received)? {
+            events.push(event);
+        }
+    }
+    Ok(events)
+}
+
+proptest! {
+    #[test]
+    fn a_frame_comes_back_as_it_was(frame in any_frame()) {
+        let octets = octets(frame.clone()).freeze();
+        let (length, body) = octets.split_at(4);
+        prop_assert_eq!(u32::from_be_bytes(length.try_into().unwrap()) as usize, body.len());
+        let read = Frame::decode(body[0], octets.slice(5..));
+        prop_assert_eq!(read, Ok(frame));
+    }
+
+    #[test]
+    fn what_a_later_version_adds_to_a_frame_is_passed_over(frame in any_frame(), more: [u8; 3]) {
+        prop_assume!(!matches!(frame, Frame::Letter(_)));
+        let mut octets = octets(frame.clone());
+        octets.put_slice(&more);
+        let octets = octets.freeze();
+        prop_assert_eq!(Frame::decode(octets[4], octets.slice(5..)), Ok(frame));
+    }
+
+    #[test]
+    fn a_frame_that_ends_too_soon_is_an_error(frame in any_frame(), keep: prop::sample::Index) {
+        prop_assume!(!matches!(frame, Frame::Letter(_) | Frame::Watch));
+        let octets = octets(frame).freeze();
+        let end = 5 + keep.index(octets.len() - 5);
+        prop_assert!(Frame::decode(octets[4], octets.slice(5..end)).is_err());
+    }
+
+    #[test]
+    fn however_octets_are_cut_the_events_are_the_same(
+        frames in prop::collection::vec(frame(), 0..6),
+        mut cuts in prop::collection::vec(any::<prop::sample::Index>(), 0..20),
+    ) {
+        let mut all = BytesMut::from(&PREAMBLE[..]);
+        all.extend_from_slice(&octets(Frame::Hello(greeting())));
+        for frame in &frames {
+            all.extend_from_slice(&octets(frame.clone()));
+            all.extend_from_slice(&octets(Frame::Unknown(200)));
+        }
+        let mut at: Vec<usize> = cuts.drain(..).map(|cut| cut.index(all.len())).collect();
+        at.extend([0, all.len()]);
+        at.sort_unstable();
+        let pieces: Vec<&[u8]> = at.windows(2).map(|w| &all[w[0]..w[1]]).collect();
+        let mut expected = vec![Event::Opened(greeting())];
+        expected.extend(frames.into_iter().map(Event::Frame));
+        prop_assert_eq!(events(&[&all]), Ok(expected.clone()));
+        prop_assert_eq!(events(&pieces), Ok(expected.clone()));
+        let single: Vec<&[u8]> = all.chunks(1).collect();
+        prop_assert_eq!(events(&single), Ok(expected));
+    }
+
+    #[test]
+    fn arbitrary_octets_never_panic(octets in prop::collection::vec(any::<u8>(), 0..300)) {
+        let _ = events(&[&octets]);
+        let mut greeted = PREAMBLE.to_vec();
+        greeted.extend_from_slice(&octets);
+        let _ = events(&[&greeted]);
+    }
+
+    #[test]
+    fn arbitrary_bodies_never_panic(
+        kind in 0_u8..14,
+        octets in prop::collection::vec(any::<u8>(), 0..300),
+        open: bool,
+    ) {
+        let _ = Frame::decode(kind, Bytes::from(octets.clone()));
+        let mut all = BytesMut::from(&PREAMBLE[..]);
+        if open {
+            all.extend_from_slice(&self::octets(Frame::Hello(greeting())));
+        }
+        all.put_u32(octets.len() as u32 + 1);
+        all.put_u8(kind);
+        all.put_slice(&octets);
+        let _ = events(&[&all]);
+    }
+
+    #[test]
+    fn a_frame_with_one_octet_changed_never_panics(
+        frame in any_frame(),
+        at: prop::sample::Index,
+        to: u8,
+    ) {
+        let mut all = BytesMut::from(&PREAMBLE[..]);
+        all.extend_from_slice(&octets(Frame::Hello(greeting())));
+        let begin = all.len();
+        all.extend_from_slice(&octets(frame));
+        let at = begin + at.index(all.len() - begin);
+        all[at] = to;
+        let _ = events(&[&all]);
+    }
+}
+
+#[test]
+fn a_letter_is_written_without_being_copied() {
+    let payload = Bytes::from(vec![7; 1000]);
+    let mut parts = Vec::new();
+    let letter = LetterFrame {
+        id: 1,
+        ttl_millis: 2,
+        parts: vec![Bytes::from_static(b"head"), payload.clone()],
+    };
+    Frame::Letter(letter).encode(&mut parts);
+    assert_eq!(parts.len(), 3);
+    assert_eq!(parts[2].as_ptr(), payload.as_ptr());
+}
+
+#[test]
+fn a_letter_shares_the_buffer_in_which_it_arrived() {
+    let letter = LetterFrame {
+        id: 1,
+        ttl_millis: 2,
+        parts: vec![Bytes::from(vec![7; 1000])],
+    };
+    let octets = octets(Frame::Letter(letter)).freeze();
+    match Frame::decode(2, octets.slice(5..)) {
+        Ok(Frame::Letter(read)) => {
+            assert_eq!(read.parts[0].as_ptr(), octets.slice(17..).as_ptr());
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_count_larger_than_the_frame_is_refused_before_anything_is_reserved() {
+    let mut receipt = BytesMut::new();
+    receipt.put_u64(1);
+    receipt.put_u32(u32::MAX);
+    assert!(Frame::decode(3, receipt.freeze()).is_err());
+}
