@@ -97,8 +97,8 @@ fn a_program_that_ends_takes_its_agents_along_and_letters_to_them_are_told() {
             assert_eq!(sim.names(node), ["q"]);
         }
         if crash {
-            assert_eq!(outcome(&sim, q, far), Outcome::Unknown);
-            assert_eq!(outcome(&sim, one, near), Outcome::Unknown);
+            assert_eq!(outcome(&sim, q, far), Outcome::Timeout);
+            assert_eq!(outcome(&sim, one, near), Outcome::Timeout);
             assert!(reason(&sim, q, far).contains("its program ended"));
         }
         assert!(!sim.is_up(p));

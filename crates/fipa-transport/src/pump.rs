@@ -3,6 +3,7 @@ use std::collections::VecDeque;
 use std::io::{self, IoSlice};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use bytes::{Buf, Bytes, BytesMut};
 use tokio::io::Interest;
@@ -40,6 +41,9 @@ impl Handle {
     }
 }
 
+/// How long a partner that takes nothing is waited for once the connection is to close.
+const LINGER: Duration = Duration::from_secs(1);
+
 /// Octets that are read at once.
 const CHUNK: usize = 64 << 10;
 
@@ -73,9 +77,16 @@ async fn run(stream: &Stream, handle: &Handle, driver: &impl Driver) -> io::Resu
     loop {
         driver.transmit(&mut output);
         let blocked = write(stream, &mut output)?;
-        if output.is_empty() && handle.close.load(Ordering::Acquire) {
+        let closing = handle.close.load(Ordering::Acquire);
+        if output.is_empty() && closing {
             return Ok(());
         }
+        let linger = async {
+            match closing {
+                true => tokio::time::sleep(LINGER).await,
+                false => std::future::pending().await,
+            }
+        };
         let interest = match blocked {
             true => Interest::READABLE | Interest::WRITABLE,
             false => Interest::READABLE,
@@ -87,6 +98,7 @@ async fn run(stream: &Stream, handle: &Handle, driver: &impl Driver) -> io::Resu
                 }
             }
             () = handle.wake.notified() => {}
+            () = linger => return Ok(()),
         }
     }
 }

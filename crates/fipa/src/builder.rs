@@ -11,7 +11,7 @@ use crate::backend::Backend;
 use crate::clock::Clock;
 use crate::discovery::{self, Discovery};
 use crate::names::{self, NameLock};
-use crate::node::Node;
+use crate::node::{Hub, Node};
 use crate::{Error, Platform};
 
 /// A platform in this process, being described.
@@ -139,7 +139,7 @@ impl PlatformBuilder {
             config.limits.max_octets = max;
         }
         let clock = Clock::start();
-        let node = Node::start(clock, Mts::new(config));
+        let node = Node::start(clock, Mts::new(config), Hub::default());
         let mut tasks = Vec::new();
         for listener in listeners {
             tasks.push(tokio::spawn(node.clone().accept_from(listener, false)));

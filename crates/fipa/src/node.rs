@@ -75,19 +75,23 @@ impl Hub {
 
     pub(crate) fn changes(&mut self) -> mpsc::UnboundedReceiver<Change> {
         let (sender, receiver) = mpsc::unbounded_channel();
+        self.changes.retain(|listener| !listener.is_closed());
         self.changes.push(sender);
         receiver
     }
 
     pub(crate) fn notices(&mut self) -> mpsc::UnboundedReceiver<Notice> {
         let (sender, receiver) = mpsc::unbounded_channel();
+        self.notices.retain(|listener| !listener.is_closed());
         self.notices.push(sender);
         receiver
     }
 
-    /// Nothing will come any more; whoever waits for mail is told.
+    /// Nothing will come any more; whoever waits is told.
     pub(crate) fn end(&mut self) {
         self.ended = true;
+        self.outcomes.clear();
+        self.registrations.clear();
         self.mail
             .values()
             .for_each(|notify| notify.notify_waiters());
@@ -105,8 +109,9 @@ impl Hub {
 }
 
 impl<M: Machine + Send + 'static> Node<M> {
-    /// Starts to run a machine on the runtime that this is called in.
-    pub(crate) fn start(clock: Clock, machine: M) -> Arc<Node<M>> {
+    /// Starts to run a machine on the runtime that this is called in. Whoever waits in the hub
+    /// already misses nothing.
+    pub(crate) fn start(clock: Clock, machine: M, hub: Hub) -> Arc<Node<M>> {
         let timer = Arc::new(Notify::new());
         let node = Arc::new(Node {
             state: Mutex::new(State {
@@ -114,7 +119,7 @@ impl<M: Machine + Send + 'static> Node<M> {
                 handles: HashMap::new(),
                 next_conn: 0,
                 scheduled: None,
-                hub: Hub::default(),
+                hub,
             }),
             clock,
             runtime: tokio::runtime::Handle::current(),

@@ -10,7 +10,7 @@ use tokio::task::JoinHandle;
 use crate::agent::Agent;
 use crate::backend::Backend;
 use crate::clock::Clock;
-use crate::node::Node;
+use crate::node::{Hub, Node};
 use crate::{Error, PlatformBuilder};
 
 /// A platform: the place where agents live.
@@ -71,9 +71,10 @@ impl Platform {
         let address = Address::Unix(path.to_string_lossy().into_owned());
         let config = ProgramConfig::new(InstanceId::from_bytes(random), name, address);
         let clock = Clock::start();
-        let node = Node::start(clock, Program::new(config, clock.now()));
-        let mut notices = node.with(|_, _, hub| hub.notices());
-        let mut changes = node.with(|_, _, hub| hub.changes());
+        let mut hub = Hub::default();
+        // The daemon may have answered before anything more is done here.
+        let (mut notices, mut changes) = (hub.notices(), hub.changes());
+        let node = Node::start(clock, Program::new(config, clock.now()), hub);
         loop {
             match notices.recv().await {
                 Some(Notice::DaemonUp) => break,

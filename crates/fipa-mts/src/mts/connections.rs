@@ -8,7 +8,7 @@ use fipa_acl::Text;
 use fipa_directory::{Address, Entry, InstanceId, Now};
 use fipa_link::{Event, Frame, Hello, Link, LinkConfig, Role};
 
-use super::peers::Purpose;
+use super::dialling::Purpose;
 use super::{Mts, Timer};
 use crate::machine::{ConnId, Connected, Notice, Output};
 

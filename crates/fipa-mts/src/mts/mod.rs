@@ -2,9 +2,12 @@
 
 mod connections;
 mod deliveries;
+mod dialling;
+mod duplicates;
 mod peers;
 mod programs;
 mod routing;
+mod seeds;
 mod seen;
 mod sync;
 
@@ -21,9 +24,11 @@ use fipa_link::Outcome;
 
 use self::connections::Conn;
 use self::deliveries::{Delivery, Origin, Pending};
-use self::peers::{Peer, Purpose, Seed};
+use self::dialling::Purpose;
+use self::peers::Peer;
 use self::programs::Local;
 use self::routing::Inbound;
+use self::seeds::Seed;
 use self::seen::Seen;
 use crate::machine::{
     ConnId, Connected, DialId, Machine, Notice, Output, RegisterError, Registration, Submission,

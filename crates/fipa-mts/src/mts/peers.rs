@@ -13,17 +13,14 @@ use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now, Source, State};
 use fipa_link::{Frame, Hello, Outcome};
 
-use super::connections::{DUPLICATE, ONLY, Partner};
+use super::connections::{ONLY, Partner};
 use super::deliveries::{Delivery, Target};
+use super::dialling::{Dialling, Purpose};
 use super::{Mts, Timer};
-use crate::machine::{ConnId, DialId, Notice, Output};
+use crate::machine::{ConnId, Notice, Output};
 
 /// Letters that wait for one peer at most.
 const MAX_WAITING: usize = 10_000;
-
-/// The pause before the second dial; each further one is twice as long, up to the longest.
-const FIRST_PAUSE: Duration = Duration::from_millis(100);
-const LONGEST_PAUSE: Duration = Duration::from_secs(2);
 
 /// How long the service with the greater id leaves the dialling to the other when both have just
 /// discovered each other.
@@ -32,59 +29,22 @@ const COURTESY: Duration = Duration::from_millis(250);
 /// Another message transport service.
 #[derive(Debug)]
 pub(super) struct Peer {
-    name: Text,
+    pub(super) name: Text,
     /// Where mDNS says it is; `None` when mDNS does not know it.
-    discovered: Option<Vec<Address>>,
+    pub(super) discovered: Option<Vec<Address>>,
     /// Where it was reached, or says it is.
-    known: Vec<Address>,
-    links: Vec<ConnId>,
-    dialling: Dialling,
-    state: State,
+    pub(super) known: Vec<Address>,
+    pub(super) links: Vec<ConnId>,
+    pub(super) dialling: Dialling,
+    pub(super) state: State,
     down_since: Option<Duration>,
-    last_error: String,
+    pub(super) last_error: String,
     /// Deliveries that wait for a link.
     waiting: VecDeque<u64>,
     waiting_octets: usize,
     /// The version of its entries that we hold.
     pub(super) version: Option<u64>,
 }
-
-/// An address to dial until we know who is there.
-#[derive(Debug)]
-pub(super) struct Seed {
-    addresses: Vec<Address>,
-    /// Given by the operator: dialled for ever. Otherwise only while letters wait.
-    kept: bool,
-    /// Who was found there.
-    instance: Option<InstanceId>,
-    /// It is our own address.
-    myself: bool,
-    dialling: Dialling,
-    last_error: String,
-    waiting: Vec<u64>,
-}
-
-/// What a dial is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Purpose {
-    Peer(InstanceId),
-    Seed(u64),
-}
-
-#[derive(Debug, Default)]
-struct Dialling {
-    under_way: bool,
-    /// When to dial again.
-    again: Option<Duration>,
-    attempts: u32,
-}
-
-impl Dialling {
-    fn is_idle(&self) -> bool {
-        !self.under_way && self.again.is_none()
-    }
-}
-
 impl Peer {
     fn new(name: Text) -> Peer {
         Peer {
@@ -111,7 +71,7 @@ impl Peer {
     }
 
     /// Where to dial, best first.
-    fn addresses(&self) -> Vec<Address> {
+    pub(super) fn addresses(&self) -> Vec<Address> {
         let mut addresses = self.known.clone();
         for address in self.discovered.iter().flatten() {
             if !addresses.contains(address) {
@@ -123,12 +83,6 @@ impl Peer {
 }
 
 impl Mts {
-    /// Adds the address of a peer that is dialled for ever, whoever answers there.
-    pub fn add_peer(&mut self, now: Now, address: Address) {
-        let seed = self.new_seed(vec![address], true);
-        self.dial_seed(now, seed);
-    }
-
     /// mDNS has found a platform, or heard something new of it.
     pub fn discovered(
         &mut self,
@@ -262,76 +216,6 @@ impl Mts {
         self.flush_waiting(now, instance);
     }
 
-    /// Of several links the service with the smaller id keeps the one that it has had longest. Each
-    /// side tells the other when it has just one: a stream can end on one side only.
-    fn keep_one_link(&mut self, now: Now, instance: InstanceId) {
-        if self.config.instance > instance {
-            return;
-        }
-        let links = match self.peers.get(&instance) {
-            Some(peer) => peer.links.clone(),
-            None => return,
-        };
-        for conn in links.into_iter().skip(1) {
-            self.send(now, conn, Frame::Goodbye(Text::from_static(DUPLICATE)));
-            if let Some(open) = self.conns.get_mut(&conn) {
-                open.retired = true;
-            }
-        }
-    }
-
-    /// The partner keeps another link: this one closes once its receipts are in.
-    pub(super) fn retire(&mut self, now: Now, conn: ConnId) {
-        let Some(open) = self.conns.get_mut(&conn) else {
-            return;
-        };
-        open.retired = true;
-        let decider = match open.partner {
-            Partner::Daemon { instance, .. } => self.config.instance < instance,
-            _ => false,
-        };
-        if open.outstanding.is_empty() && !decider {
-            self.outputs.push_back(Output::Close(conn));
-            self.drop_conn(now, conn, DUPLICATE);
-        }
-    }
-
-    /// Whether there is no other link to the same peer that is in use.
-    pub(super) fn is_only_link(&self, conn: ConnId) -> bool {
-        let Some(Partner::Daemon { instance, .. }) = self.conns.get(&conn).map(|c| &c.partner)
-        else {
-            return false;
-        };
-        let in_use = |link: &ConnId| self.conns.get(link).is_some_and(|open| !open.retired);
-        self.peers
-            .get(instance)
-            .is_some_and(|peer| !peer.links.iter().any(|link| *link != conn && in_use(link)))
-    }
-
-    /// The partner has no link but this one: the others are dead, and nobody told us.
-    pub(super) fn keep_this_link(&mut self, now: Now, conn: ConnId) {
-        let Some(open) = self.conns.get_mut(&conn) else {
-            return;
-        };
-        open.retired = false;
-        let Partner::Daemon { instance, .. } = open.partner else {
-            return;
-        };
-        let links = match self.peers.get(&instance) {
-            Some(peer) => peer.links.clone(),
-            None => return,
-        };
-        for other in links.into_iter().filter(|link| *link != conn) {
-            self.outputs.push_back(Output::Close(other));
-            self.drop_conn(
-                now,
-                other,
-                "the other side does not have this link any more",
-            );
-        }
-        self.flush_waiting(now, instance);
-    }
-
     /// A link to a peer ended, with letters on it that have no receipt yet.
     pub(super) fn peer_conn_ended(
         &mut self,
@@ -404,6 +288,9 @@ impl Mts {
         if silent {
             let reason = Text::from_static("it has fallen silent");
             self.notice(Notice::PeerSuspect { name, reason });
+        } else {
+            let via = self.conn_via(conn);
+            self.notice(Notice::PeerUp { name, via });
         }
     }
 
@@ -533,7 +420,7 @@ impl Mts {
         self.flush_waiting(now, instance);
     }
 
-    fn flush_waiting(&mut self, now: Now, instance: InstanceId) {
+    pub(super) fn flush_waiting(&mut self, now: Now, instance: InstanceId) {
         while let Some(peer) = self.peers.get_mut(&instance) {
             let usable = |conn: &&ConnId| self.conns.get(conn).is_some_and(|open| !open.retired);
             let Some(conn) = peer.links.iter().find(usable).copied() else {
@@ -546,210 +433,4 @@ impl Mts {
             self.transmit_delivery(now, conn, id);
         }
     }
-
-    fn dial_peer(&mut self, now: Now, instance: InstanceId) {
-        let Some(peer) = self.peers.get_mut(&instance) else {
-            return;
-        };
-        let addresses = peer.addresses();
-        if peer.dialling.under_way || self.closing {
-            return;
-        }
-        if addresses.is_empty() {
-            return;
-        }
-        peer.dialling.under_way = true;
-        peer.dialling.again = None;
-        self.dial(now, Purpose::Peer(instance), addresses);
-    }
-
-    fn dial_peer_later(&mut self, now: Now, instance: InstanceId, pause: Duration) {
-        let at = now.mono + pause;
-        if let Some(peer) = self.peers.get_mut(&instance)
-            && peer.dialling.is_idle()
-        {
-            peer.dialling.again = Some(at);
-            self.timer(at, Timer::Peer(instance));
-        }
-    }
-
-    fn dial(&mut self, _now: Now, purpose: Purpose, addresses: Vec<Address>) {
-        let dial = DialId(self.id());
-        self.dials.insert(dial, purpose);
-        self.outputs.push_back(Output::Dial { dial, addresses });
-    }
-
-    /// A dial led to nobody.
-    pub(super) fn dial_ended(&mut self, now: Now, purpose: Purpose, reason: &str) {
-        let random = self.random.f64();
-        let dialling = match purpose {
-            Purpose::Peer(instance) => {
-                let Some(peer) = self.peers.get_mut(&instance) else {
-                    return;
-                };
-                peer.last_error = reason.to_owned();
-                peer.dialling.under_way = false;
-                if !peer.links.is_empty() {
-                    return;
-                }
-                &mut peer.dialling
-            }
-            Purpose::Seed(seed) => {
-                let Some(seed) = self.seeds.get_mut(&seed) else {
-                    return;
-                };
-                seed.last_error = reason.to_owned();
-                seed.dialling.under_way = false;
-                if seed.myself || seed.instance.is_some() {
-                    return;
-                }
-                &mut seed.dialling
-            }
-        };
-        let at = now.mono + pause(dialling.attempts, random);
-        dialling.attempts += 1;
-        dialling.again = Some(at);
-        match purpose {
-            Purpose::Peer(instance) => self.timer(at, Timer::Peer(instance)),
-            Purpose::Seed(seed) => self.timer(at, Timer::Seed(seed)),
-        }
-    }
-
-    fn new_seed(&mut self, addresses: Vec<Address>, kept: bool) -> u64 {
-        let id = self.id();
-        self.seeds.insert(
-            id,
-            Seed {
-                addresses,
-                kept,
-                instance: None,
-                myself: false,
-                dialling: Dialling::default(),
-                last_error: "it has not been reached yet".to_owned(),
-                waiting: Vec::new(),
-            },
-        );
-        id
-    }
-
-    /// The seed for a receiver that brings its addresses along.
-    pub(super) fn seed_for(&mut self, now: Now, addresses: Vec<Address>) -> u64 {
-        let known = self.seeds.iter().find(|(_, s)| s.addresses == addresses);
-        match known {
-            Some((id, _)) => *id,
-            None => {
-                let id = self.new_seed(addresses, false);
-                self.dial_seed(now, id);
-                id
-            }
-        }
-    }
-
-    pub(super) fn queue_for_seed(&mut self, now: Now, id: u64, delivery: u64) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
-            return;
-        };
-        match seed.instance {
-            Some(instance) => self.retarget(now, delivery, instance),
-            None if seed.myself => self.nobody_here(now, delivery),
-            None => {
-                seed.waiting.push(delivery);
-                if seed.dialling.is_idle() {
-                    self.dial_seed(now, id);
-                }
-            }
-        }
-    }
-
-    fn retarget(&mut self, now: Now, id: u64, instance: InstanceId) {
-        if let Some(delivery) = self.deliveries.get_mut(&id) {
-            delivery.target = Target::Peer(instance);
-            let octets = delivery.octets();
-            self.queue_for_peer(now, instance, id, octets);
-        }
-    }
-
-    fn dial_seed(&mut self, now: Now, id: u64) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
-            return;
-        };
-        if seed.dialling.under_way || seed.myself || seed.instance.is_some() || self.closing {
-            return;
-        }
-        seed.dialling.under_way = true;
-        seed.dialling.again = None;
-        let addresses = seed.addresses.clone();
-        self.dial(now, Purpose::Seed(id), addresses);
-    }
-
-    pub(super) fn seed_timeout(&mut self, now: Now, id: u64) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
-            return;
-        };
-        seed.waiting
-            .retain(|delivery| self.deliveries.contains_key(delivery));
-        if !seed.kept && seed.waiting.is_empty() && seed.instance.is_none() {
-            self.seeds.remove(&id);
-            return;
-        }
-        if seed.dialling.again.is_some_and(|at| now.mono >= at) {
-            self.dial_seed(now, id);
-        }
-    }
-
-    fn seed_met(&mut self, now: Now, id: u64, instance: InstanceId) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
-            return;
-        };
-        seed.instance = Some(instance);
-        seed.dialling = Dialling::default();
-        for delivery in std::mem::take(&mut seed.waiting) {
-            self.retarget(now, delivery, instance);
-        }
-    }
-
-    pub(super) fn seed_is_myself(&mut self, now: Now, purpose: Option<Purpose>) {
-        if let Some(Purpose::Seed(id)) = purpose
-            && let Some(seed) = self.seeds.get_mut(&id)
-        {
-            seed.myself = true;
-            for delivery in std::mem::take(&mut seed.waiting) {
-                self.nobody_here(now, delivery);
-            }
-        }
-    }
-
-    /// A letter whose address turned out to be our own, where nobody has the receiver's name.
-    fn nobody_here(&mut self, now: Now, delivery: u64) {
-        let here = &self.config.name;
-        let reason = Text::from(format!("no agent of this name is known at {here}"));
-        self.finish(now, delivery, Outcome::Unknown, reason);
-    }
-
-    /// Who was found at the seed is gone: it is dialled again, or forgotten.
-    fn seed_lost(&mut self, now: Now, id: u64) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
-            return;
-        };
-        seed.instance = None;
-        if seed.kept {
-            self.dial_seed(now, id);
-        } else {
-            self.seeds.remove(&id);
-        }
-    }
-
-    pub(super) fn seed_error(&self, id: u64) -> String {
-        match self.seeds.get(&id) {
-            Some(seed) => format!("it could not be reached in time: {}", seed.last_error),
-            None => "it could not be reached in time".to_owned(),
-        }
-    }
-}
-
-/// 100 ms, 200 ms, … 2 s; each half to all of that, at random, so that a fleet does not dial in
-/// step.
-fn pause(attempts: u32, random: f64) -> Duration {
-    let whole = FIRST_PAUSE * 2_u32.pow(attempts.min(8));
-    whole.min(LONGEST_PAUSE).mul_f64(0.5 + random / 2.0)
 }

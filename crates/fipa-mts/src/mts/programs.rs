@@ -75,8 +75,8 @@ impl Mts {
             .collect();
         lost.sort_unstable();
         for id in lost {
-            let reason = "its program ended before it took the letter";
-            self.finish(now, id, Outcome::Unknown, Text::from_static(reason));
+            let reason = "its program ended before it said that it took the letter";
+            self.finish(now, id, Outcome::Timeout, Text::from_static(reason));
         }
     }
 }
