@@ -9,7 +9,9 @@ pub mod bit_efficient;
 mod detect;
 mod error;
 mod limits;
+mod output;
 
 pub use detect::{Form, detect};
 pub use error::{DecodeError, EncodeError, Fault};
 pub use limits::Limits;
+pub use output::{Output, Parts};

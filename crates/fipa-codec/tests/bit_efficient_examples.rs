@@ -2,19 +2,20 @@
 
 mod support;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use fipa_acl::{
     AgentId, Envelope, Expression, FipaTime, Letter, Message, Performative, Received,
     Representation, Slots,
 };
 use fipa_codec::Limits;
+use fipa_codec::Output;
 use fipa_codec::bit_efficient::{decode_envelope, encode_letter, encode_message, encode_overlay};
 use support::{hex, letter, message};
 
 fn encoded(message: &Message) -> Bytes {
-    let mut out = BytesMut::new();
+    let mut out = Output::new();
     encode_message(message, &mut out).unwrap();
-    out.freeze()
+    out.take_bytes()
 }
 
 fn time(text: &str) -> FipaTime {
@@ -244,10 +245,11 @@ fn stamped_octets() -> Bytes {
 
 #[test]
 fn a_letter_is_written_with_counted_strings() {
-    let mut out = BytesMut::new();
+    let mut out = Output::new();
     encode_letter(&stamped(), &mut out).unwrap();
-    assert_eq!(out, stamped_octets());
-    assert_eq!(letter(out), stamped());
+    let octets = out.take_bytes();
+    assert_eq!(octets, stamped_octets());
+    assert_eq!(letter(octets), stamped());
 }
 
 #[test]
@@ -256,12 +258,12 @@ fn an_overlay_in_front_of_received_octets_is_the_newest() {
         received: Some(stamp("next", time("2026-01-02T03:04:06Z"))),
         ..Slots::default()
     };
-    let mut out = BytesMut::new();
+    let mut out = Output::new();
     encode_overlay(&overlay, &mut out).unwrap();
-    out.extend_from_slice(&stamped_octets());
+    out.put_slice(&stamped_octets());
     let mut expected = stamped();
     expected.envelope.overlays.push(overlay);
-    assert_eq!(letter(out), expected);
+    assert_eq!(letter(out.take_bytes()), expected);
 }
 
 #[test]

@@ -2,10 +2,9 @@
 
 mod support;
 
-use bytes::BytesMut;
 use fipa_acl::{AgentId, Expression, FipaTime, Message, Performative, Representation, Zone};
 use fipa_codec::bit_efficient::{decode_letter, decode_message, encode_letter, encode_message};
-use fipa_codec::{Fault, Limits};
+use fipa_codec::{Fault, Limits, Output};
 use support::{expected_message, expected_slots, fipa_acl, hex, letter, message, string};
 
 /// The encoder drops resolvers of resolvers.
@@ -33,12 +32,12 @@ fn recorded_messages_have_the_values_of_the_index() {
 fn recorded_messages_come_back_unchanged() {
     for (name, octets, _) in fipa_acl("message") {
         let mut decoded = message(octets);
-        let mut out = BytesMut::new();
+        let mut out = Output::new();
         encode_message(&decoded, &mut out).unwrap_or_else(|error| panic!("{name}: {error}"));
         if let Some(FipaTime::Absolute { zone, .. }) = &mut decoded.reply_by {
             *zone = Zone::Utc;
         }
-        assert_eq!(message(out), decoded, "{name}");
+        assert_eq!(message(out.take_bytes()), decoded, "{name}");
     }
 }
 
@@ -101,9 +100,9 @@ fn payloads_of_recorded_envelopes_are_the_recorded_ones() {
 fn recorded_envelopes_come_back_unchanged() {
     for (name, octets, _) in fipa_acl("envelope") {
         let first = letter(octets);
-        let mut out = BytesMut::new();
+        let mut out = Output::new();
         encode_letter(&first, &mut out).unwrap_or_else(|error| panic!("{name}: {error}"));
-        let again = letter(out);
+        let again = letter(out.take_bytes());
         assert_eq!(again.payload, first.payload, "{name}");
         assert_eq!(
             again.envelope.overlays.len(),

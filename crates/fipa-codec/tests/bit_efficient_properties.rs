@@ -1,24 +1,24 @@
 //! What holds for all messages, letters and inputs.
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use fipa_acl::{Letter, Message};
 use fipa_codec::bit_efficient::{
     decode_envelope, decode_letter, decode_letter_prefix, decode_message, decode_message_prefix,
     encode_letter, encode_message, encode_overlay,
 };
-use fipa_codec::{Fault, Limits, arbitrary, detect};
+use fipa_codec::{Fault, Limits, Output, arbitrary, detect};
 use proptest::prelude::*;
 
 fn message_octets(message: &Message) -> Bytes {
-    let mut out = BytesMut::new();
+    let mut out = Output::new();
     encode_message(message, &mut out).unwrap();
-    out.freeze()
+    out.take_bytes()
 }
 
 fn letter_octets(letter: &Letter) -> Bytes {
-    let mut out = BytesMut::new();
+    let mut out = Output::new();
     encode_letter(letter, &mut out).unwrap();
-    out.freeze()
+    out.take_bytes()
 }
 
 /// Calls everything that reads.
@@ -80,11 +80,11 @@ proptest! {
     fn several_messages_in_a_row_are_read_one_by_one(
         messages in prop::collection::vec(arbitrary::message(), 1..4),
     ) {
-        let mut out = BytesMut::new();
+        let mut out = Output::new();
         for message in &messages {
             encode_message(message, &mut out).unwrap();
         }
-        let mut octets = out.freeze();
+        let mut octets = out.take_bytes();
         for message in messages {
             let (decoded, used) = decode_message_prefix(&octets, &Limits::default()).unwrap();
             prop_assert_eq!(decoded, message);
@@ -98,11 +98,11 @@ proptest! {
         mut letter in arbitrary::letter(),
         overlay in arbitrary::overlay(),
     ) {
-        let mut out = BytesMut::new();
+        let mut out = Output::new();
         encode_overlay(&overlay, &mut out).unwrap();
-        out.extend_from_slice(&letter_octets(&letter));
+        out.put_slice(&letter_octets(&letter));
         letter.envelope.overlays.push(overlay);
-        prop_assert_eq!(decode_letter(&out.freeze(), &Limits::default()), Ok(letter));
+        prop_assert_eq!(decode_letter(&out.take_bytes(), &Limits::default()), Ok(letter));
     }
 
     #[test]
@@ -143,9 +143,9 @@ proptest! {
         octets in mutated(arbitrary::message().prop_map(|message| message_octets(&message))),
     ) {
         if let Ok(message) = decode_message(&octets.into(), &Limits::default()) {
-            let mut out = BytesMut::new();
+            let mut out = Output::new();
             if encode_message(&message, &mut out).is_ok() {
-                let octets = out.freeze();
+                let octets = out.take_bytes();
                 let again = decode_message(&octets, &Limits::default()).unwrap();
                 prop_assert_eq!(message_octets(&again), octets);
             }

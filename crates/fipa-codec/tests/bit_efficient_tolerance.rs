@@ -2,13 +2,13 @@
 
 mod support;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use fipa_acl::{Envelope, Expression, FipaTime, Message, Performative, Received, Slots};
 use fipa_codec::bit_efficient::{
     decode_letter, decode_letter_prefix, decode_message, decode_message_prefix, encode_envelope,
     encode_overlay,
 };
-use fipa_codec::{Fault, Form, Limits, detect};
+use fipa_codec::{Fault, Form, Limits, Output, detect};
 use support::{hex, letter, message};
 
 /// An inform with this parameter.
@@ -203,9 +203,9 @@ fn overlay(by: &str, is_true: bool) -> Vec<u8> {
         }),
         ..Slots::default()
     };
-    let mut out = BytesMut::new();
+    let mut out = Output::new();
     encode_overlay(&slots, &mut out).unwrap();
-    let mut octets = out.to_vec();
+    let mut octets = out.take_bytes().to_vec();
     if !is_true {
         octets[2] = 5;
     }
@@ -268,10 +268,11 @@ fn a_long_envelope_has_a_long_length() {
             comments: Some("c".repeat(len).into()),
             ..base_with(b"\x05note\0")
         });
-        let mut out = BytesMut::new();
+        let mut out = Output::new();
         encode_envelope(&envelope, &mut out).unwrap();
-        assert_eq!(&out[..prefix.len()], prefix);
-        let read = letter(out).envelope;
+        let octets = out.take_bytes();
+        assert_eq!(&octets[..prefix.len()], prefix);
+        let read = letter(octets).envelope;
         assert_eq!(read.base.comments, envelope.base.comments);
     }
 }

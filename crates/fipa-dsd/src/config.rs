@@ -1,11 +1,18 @@
 use std::fmt;
-use std::net::{IpAddr, SocketAddr};
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::str::FromStr;
 
 use fipa_directory::InstanceId;
 
 /// The UDP port of multicast DNS.
 pub const MDNS_PORT: u16 = 5353;
+
+/// A UDP port at which nobody speaks now, for daemons that want to be undisturbed by others.
+pub fn free_mdns_port() -> io::Result<u16> {
+    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
+    Ok(socket.local_addr()?.port())
+}
 
 /// What a daemon announces of itself, and where it looks for others.
 #[derive(Clone, Debug)]

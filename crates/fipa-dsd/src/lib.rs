@@ -11,7 +11,7 @@ mod event;
 mod interface;
 mod mdns;
 
-pub use config::{InterfaceSelector, MDNS_PORT, MdnsConfig, ParseSelectorError};
+pub use config::{InterfaceSelector, MDNS_PORT, MdnsConfig, ParseSelectorError, free_mdns_port};
 pub use error::MdnsError;
 pub use event::{DiscoveredPeer, DiscoveryEvent};
 pub use mdns::Mdns;

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
-use fipa_codec::bit_efficient;
+use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Directory, InstanceId, Now, Record};
 use fipa_link::{
     DirectoryFrame, Event, Frame, Hello, LetterFrame, Link, LinkConfig, Outcome, ReceiverOutcome,
@@ -557,7 +557,7 @@ impl Machine for Program {
             letter,
             timeout,
         } = submission;
-        let mut head = BytesMut::new();
+        let mut head = Encoded::new();
         let refusal = match bit_efficient::encode_envelope(&letter.envelope, &mut head) {
             Ok(()) if letter.payload.len() > self.config.max_letter => Some(format!(
                 "a letter of {} octets is larger than the {} that are allowed",
@@ -580,7 +580,7 @@ impl Machine for Program {
         }
         let id = self.id();
         let deadline = now.mono + timeout + MARGIN;
-        let parts = vec![head.freeze(), letter.payload];
+        let parts = vec![head.take_bytes(), letter.payload];
         let sent = Sent {
             ticket,
             parts,

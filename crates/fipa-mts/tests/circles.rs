@@ -1,7 +1,7 @@
 //! Letters that would travel in circles.
 mod support;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use fipa_acl::{AgentId, Envelope, FipaTime, Received, Representation, Slots, Text};
 use fipa_codec::bit_efficient;
 use fipa_directory::{Entry, InstanceId, MESSAGE_TRANSPORT, Source, State};
@@ -33,9 +33,9 @@ fn stamped(stamps: impl IntoIterator<Item = String>) -> Bytes {
             ..Slots::default()
         });
     }
-    let mut octets = BytesMut::new();
+    let mut octets = fipa_codec::Output::new();
     bit_efficient::encode_envelope(&envelope, &mut octets).unwrap();
-    octets.freeze()
+    octets.take_bytes()
 }
 
 /// A service to which its partner has told that it holds `b`.

@@ -11,7 +11,7 @@ use support::{millis, secs};
 
 const DAEMONS: usize = 5;
 const AGENTS: usize = 20;
-const SEEDS: u64 = 200;
+const SEEDS: u64 = 50;
 
 struct Fleet {
     sim: Sim,

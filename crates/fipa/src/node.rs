@@ -331,18 +331,20 @@ impl<M: Machine + Send + 'static> Driver for Connection<M> {
         self.node.act(&mut state, Some(self.conn));
     }
 
-    fn transmit(&self, parts: &mut VecDeque<Bytes>) {
+    fn transmit(&self, parts: &mut VecDeque<Bytes>) -> bool {
         let mut octets: usize = parts.iter().map(Bytes::len).sum();
         if octets >= BATCH {
-            return;
+            return true;
         }
         let mut state = self.node.lock();
-        while octets < BATCH
-            && let Some(part) = state.machine.poll_transmit(self.conn)
-        {
+        while let Some(part) = state.machine.poll_transmit(self.conn) {
             octets += part.len();
             parts.push_back(part);
+            if octets >= BATCH {
+                return true;
+            }
         }
+        false
     }
 
     fn closed(&self, reason: &str) {

@@ -3,9 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::BytesMut;
 use fipa_acl::{AgentId, Envelope, FipaTime, Letter, Message, Representation, Slots, Text};
-use fipa_codec::bit_efficient;
+use fipa_codec::{Output, bit_efficient};
 use fipa_link::{Outcome, ReceiverOutcome};
 use fipa_mts::Submission;
 
@@ -78,8 +77,9 @@ fn failed(receivers: &[AgentId], outcome: Outcome, reason: &str) -> Vec<Receiver
 
 /// The letter around a message: addressed as the message is, dated now.
 fn letter(message: &Message, now: i64) -> Result<Letter, String> {
-    let mut payload = BytesMut::new();
+    let mut payload = Output::new();
     bit_efficient::encode_message(message, &mut payload).map_err(|error| error.to_string())?;
+    let payload = payload.take_bytes();
     let base = Slots {
         to: message.receiver.clone(),
         from: message.sender.clone(),
@@ -91,6 +91,6 @@ fn letter(message: &Message, now: i64) -> Result<Letter, String> {
     };
     Ok(Letter {
         envelope: Envelope::new(base),
-        payload: payload.freeze(),
+        payload,
     })
 }

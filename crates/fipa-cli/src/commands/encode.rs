@@ -4,9 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use bytes::BytesMut;
 use fipa_acl::FipaTime;
-use fipa_codec::EncodeError;
+use fipa_codec::{EncodeError, Output};
 use fipa_json::{Body, EnvelopeForm, JsonError, LetterForm};
 use fipa_json::{envelope_for, letter_from_json, message_from_json};
 use serde_json::{Deserializer, Value};
@@ -50,7 +49,7 @@ pub fn encode(
     output: &mut dyn Write,
 ) -> Result<(), Failure> {
     let mut values = Deserializer::from_slice(input).into_iter::<Value>();
-    let mut octets = BytesMut::new();
+    let mut octets = Output::new();
     loop {
         let start = values.byte_offset();
         let value = match values.next() {
@@ -58,10 +57,11 @@ pub fn encode(
             Some(Err(error)) => return Err(syntax(&error)),
             None => return Ok(()),
         };
-        octets.clear();
         encode_value(&value, args, now, &mut octets)
             .map_err(|error| Failure::malformed(format!("{}: {error}", position(input, start))))?;
-        output.write_all(&octets)?;
+        for part in octets.take().parts() {
+            output.write_all(part)?;
+        }
     }
 }
 
@@ -80,7 +80,7 @@ fn encode_value(
     value: &Value,
     args: &Args,
     now: FipaTime,
-    output: &mut BytesMut,
+    output: &mut Output,
 ) -> Result<(), ValueError> {
     let is_letter = ["envelope", "layers"]
         .iter()

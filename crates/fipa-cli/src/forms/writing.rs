@@ -1,6 +1,6 @@
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use fipa_acl::{Envelope, Message};
-use fipa_codec::{EncodeError, bit_efficient};
+use fipa_codec::{EncodeError, Output, bit_efficient};
 use fipa_json::{Body, EnvelopeForm, LetterForm};
 
 use super::{EnvelopeRep, Rep, STRING, XML, envelope_of_layers};
@@ -9,11 +9,7 @@ use super::{EnvelopeRep, Rep, STRING, XML, envelope_of_layers};
 ///
 /// # Errors
 /// A parameter cannot be written in this representation, or the representation cannot yet.
-pub fn encode_message(
-    message: &Message,
-    rep: Rep,
-    output: &mut BytesMut,
-) -> Result<(), EncodeError> {
+pub fn encode_message(message: &Message, rep: Rep, output: &mut Output) -> Result<(), EncodeError> {
     match rep {
         Rep::BitEfficient => bit_efficient::encode_message(message, output),
         Rep::Xml => Err(unsupported("--as", XML)),
@@ -32,7 +28,7 @@ pub fn encode_letter(
     letter: LetterForm,
     rep: Rep,
     envelope_rep: EnvelopeRep,
-    output: &mut BytesMut,
+    output: &mut Output,
 ) -> Result<(), EncodeError> {
     let (payload, is_encoded_here) = match letter.body {
         Body::Message(message) => (encoded(&message, rep)?, true),
@@ -51,20 +47,20 @@ pub fn encode_letter(
         }
     };
     encode_envelope(&envelope, envelope_rep, output)?;
-    output.extend_from_slice(&payload);
+    output.put_shared(&payload);
     Ok(())
 }
 
 fn encoded(message: &Message, rep: Rep) -> Result<Bytes, EncodeError> {
-    let mut payload = BytesMut::new();
+    let mut payload = Output::new();
     encode_message(message, rep, &mut payload)?;
-    Ok(payload.freeze())
+    Ok(payload.take_bytes())
 }
 
 fn encode_envelope(
     envelope: &Envelope,
     rep: EnvelopeRep,
-    output: &mut BytesMut,
+    output: &mut Output,
 ) -> Result<(), EncodeError> {
     match rep {
         EnvelopeRep::BitEfficient => bit_efficient::encode_envelope(envelope, output),

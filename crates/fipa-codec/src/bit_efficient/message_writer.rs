@@ -3,12 +3,24 @@ use fipa_acl::{AgentId, Expression, Message, Performative, Text, UserDefined};
 
 use super::codes::code_of;
 use super::values::{is_number, write_digits, write_time};
-use super::writer::{write_counted, write_user_name, write_word};
-use crate::EncodeError;
+use super::writer::{write_counted, write_length, write_user_name, write_word};
+use crate::{EncodeError, Output};
 
 /// ACLCommunicativeAct of SC00069G, without code table; in the order in which fipa_acl writes the
 /// parameters.
-pub(super) fn write_message(message: &Message, out: &mut BytesMut) -> Result<(), EncodeError> {
+pub(super) fn write_message(message: &Message, out: &mut Output) -> Result<(), EncodeError> {
+    write_parameters(message, out.buffer())?;
+    if let Some(content) = &message.content {
+        out.put_u8(0x04);
+        write_length(content.len(), "content", out.buffer())?;
+        out.put_shared(content);
+    }
+    out.put_u8(0x01);
+    Ok(())
+}
+
+/// Everything in front of the content.
+fn write_parameters(message: &Message, out: &mut BytesMut) -> Result<(), EncodeError> {
     out.put_slice(&[0xfa, 0x10]);
     write_act(&message.performative, out)?;
     if let Some(sender) = &message.sender {
@@ -34,17 +46,15 @@ pub(super) fn write_message(message: &Message, out: &mut BytesMut) -> Result<(),
     for parameter in &message.user_defined {
         write_user_defined(0x00, parameter, out)?;
     }
-    if let Some(content) = &message.content {
-        out.put_u8(0x04);
-        write_counted(content, "content", out)?;
-    }
-    out.put_u8(0x01);
     Ok(())
 }
 
-/// Octets that the message needs at least, and mostly not much more.
+/// Octets that are written for the message, not counting a large content, and mostly not much more.
 pub(super) fn expected_len(message: &Message) -> usize {
-    let content = message.content.as_ref().map_or(0, |content| content.len());
+    let content = message
+        .content
+        .as_ref()
+        .map_or(0, |content| content.len().min(4096));
     let agents = message.receiver.len() + message.reply_to.len();
     let user_defined = message.user_defined.len();
     content + 48 * agents + 32 * user_defined + 256

@@ -15,11 +15,11 @@ mod reader;
 mod values;
 mod writer;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use fipa_acl::{Envelope, Letter, Message, Slots};
 
 use self::reader::Reader;
-use crate::{DecodeError, EncodeError, Fault, Limits};
+use crate::{DecodeError, EncodeError, Fault, Limits, Output};
 
 /// Reads a message (SC00069G section 2) that fills the whole input; line ends behind it are
 /// ignored.
@@ -53,9 +53,9 @@ pub fn decode_message_prefix(
 /// Appends a message (SC00069G section 2); on an error `out` is as before.
 ///
 /// Names, addresses and the protocol must be words ([`Text::is_word`](fipa_acl::Text::is_word)).
-pub fn encode_message(message: &Message, out: &mut BytesMut) -> Result<(), EncodeError> {
+pub fn encode_message(message: &Message, out: &mut Output) -> Result<(), EncodeError> {
     out.reserve(message_writer::expected_len(message));
-    all_or_nothing(out, |out| message_writer::write_message(message, out))
+    out.all_or_nothing(|out| message_writer::write_message(message, out))
 }
 
 /// Reads the envelope (SC00088D section 2) at the beginning of the input, and tells where its
@@ -91,10 +91,9 @@ pub fn decode_letter_prefix(
 
 /// Appends a letter (SC00088D section 2): its overlays from the newest to the oldest, its base and
 /// its payload. On an error `out` is as before.
-pub fn encode_letter(letter: &Letter, out: &mut BytesMut) -> Result<(), EncodeError> {
-    out.reserve(ENVELOPE + letter.payload.len());
+pub fn encode_letter(letter: &Letter, out: &mut Output) -> Result<(), EncodeError> {
     encode_envelope(&letter.envelope, out)?;
-    out.extend_from_slice(&letter.payload);
+    out.put_shared(&letter.payload);
     Ok(())
 }
 
@@ -103,20 +102,20 @@ pub fn encode_letter(letter: &Letter, out: &mut BytesMut) -> Result<(), EncodeEr
 ///
 /// The base must have its representation and its date, no overlay can have a date, and no date
 /// can be relative.
-pub fn encode_envelope(envelope: &Envelope, out: &mut BytesMut) -> Result<(), EncodeError> {
+pub fn encode_envelope(envelope: &Envelope, out: &mut Output) -> Result<(), EncodeError> {
     out.reserve(ENVELOPE);
-    all_or_nothing(out, |out| {
+    out.all_or_nothing(|out| {
         for overlay in envelope.overlays.iter().rev() {
-            envelope_writer::write_overlay(overlay, out)?;
+            envelope_writer::write_overlay(overlay, out.buffer())?;
         }
-        envelope_writer::write_base(&envelope.base, out)
+        envelope_writer::write_base(&envelope.base, out.buffer())
     })
 }
 
 /// Appends one overlay (SC00088D section 2.2): what a message transport service puts in front of
 /// the letter that it received. On an error `out` is as before.
-pub fn encode_overlay(overlay: &Slots, out: &mut BytesMut) -> Result<(), EncodeError> {
-    all_or_nothing(out, |out| envelope_writer::write_overlay(overlay, out))
+pub fn encode_overlay(overlay: &Slots, out: &mut Output) -> Result<(), EncodeError> {
+    out.all_or_nothing(|out| envelope_writer::write_overlay(overlay, out.buffer()))
 }
 
 /// Octets of an ordinary envelope.
@@ -137,16 +136,4 @@ fn letter(
     }
     let payload = bytes.slice(payload);
     Ok(Letter { envelope, payload })
-}
-
-fn all_or_nothing(
-    out: &mut BytesMut,
-    write: impl FnOnce(&mut BytesMut) -> Result<(), EncodeError>,
-) -> Result<(), EncodeError> {
-    let before = out.len();
-    let written = write(out);
-    if written.is_err() {
-        out.truncate(before);
-    }
-    written
 }

@@ -51,12 +51,23 @@ pub(super) fn write_counted(
     parameter: &'static str,
     out: &mut BytesMut,
 ) -> Result<(), EncodeError> {
-    if let Ok(len) = u8::try_from(octets.len()) {
+    write_length(octets.len(), parameter, out)?;
+    out.put_slice(octets);
+    Ok(())
+}
+
+/// The part of a BinString that precedes its octets.
+pub(super) fn write_length(
+    octets: usize,
+    parameter: &'static str,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
+    if let Ok(len) = u8::try_from(octets) {
         out.put_slice(&[0x16, len]);
-    } else if let Ok(len) = u16::try_from(octets.len()) {
+    } else if let Ok(len) = u16::try_from(octets) {
         out.put_u8(0x17);
         out.put_u16(len);
-    } else if let Ok(len) = u32::try_from(octets.len()) {
+    } else if let Ok(len) = u32::try_from(octets) {
         out.put_u8(0x19);
         out.put_u32(len);
     } else {
@@ -65,7 +76,6 @@ pub(super) fn write_counted(
             what: "more than 4 GiB",
         });
     }
-    out.put_slice(octets);
     Ok(())
 }
 

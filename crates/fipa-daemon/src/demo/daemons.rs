@@ -1,6 +1,5 @@
 //! The demo's daemons: processes of this very program, in a place of their own.
 
-use std::net::UdpSocket;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -26,8 +25,7 @@ impl Place {
     pub(super) fn new() -> Result<Place, String> {
         let folder = std::env::temp_dir().join(format!("fipad-demo-{}", std::process::id()));
         std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-        let free = UdpSocket::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
-        let mdns_port = free.map_err(|e| format!("no free port: {e}"))?.port();
+        let mdns_port = fipa_dsd::free_mdns_port().map_err(|e| format!("no free port: {e}"))?;
         Ok(Place { folder, mdns_port })
     }
 

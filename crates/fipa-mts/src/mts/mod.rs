@@ -18,7 +18,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
-use fipa_codec::bit_efficient;
+use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Address, Directory, InstanceId, Now};
 use fipa_link::Outcome;
 
@@ -194,14 +194,14 @@ impl Machine for Mts {
             timeout,
         } = submission;
         let origin = Origin::Ticket(ticket);
-        let mut head = BytesMut::new();
+        let mut head = Encoded::new();
         if let Err(error) = bit_efficient::encode_envelope(&envelope, &mut head) {
             let reason = Text::from(error.to_string());
             self.answer_whole(now, origin, Outcome::Refused, reason);
             return;
         }
         let inbound = Inbound {
-            parts: vec![head.freeze(), payload.clone()],
+            parts: vec![head.take_bytes(), payload.clone()],
             envelope,
             payload,
             from: None,

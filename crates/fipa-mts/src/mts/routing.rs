@@ -3,9 +3,9 @@
 use std::collections::HashSet;
 use std::time::Duration;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use fipa_acl::{AgentId, Envelope, FipaTime, Letter, Received, Slots, Text};
-use fipa_codec::bit_efficient;
+use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Address, Field, InstanceId, Now, Pattern, Source};
 use fipa_link::Outcome;
 
@@ -200,14 +200,14 @@ impl Mts {
             Route::Addresses(addresses) => Target::Seed(self.seed_for(now, addresses)),
         };
         let overlay = self.overlay(now, inbound, to);
-        let mut head = BytesMut::with_capacity(192);
+        let mut head = Encoded::new();
         if let Err(error) = bit_efficient::encode_overlay(&overlay, &mut head) {
             let reason = Text::from(error.to_string());
             self.settle(now, pending, slot, Outcome::Refused, None, reason);
             return;
         }
         let mut parts = Vec::with_capacity(1 + inbound.parts.len());
-        parts.push(head.freeze());
+        parts.push(head.take_bytes());
         parts.extend(inbound.parts.iter().cloned());
         self.deliver(now, pending, slot, target, parts, deadline);
     }
