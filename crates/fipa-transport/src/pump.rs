@@ -15,8 +15,8 @@ use crate::Stream;
 pub trait Driver: Send + Sync + 'static {
     /// Octets were read; what cannot be used yet is left in the buffer.
     fn received(&self, octets: &mut BytesMut);
-    /// The next octets to write.
-    fn transmit(&self, parts: &mut VecDeque<Bytes>);
+    /// The next octets to write, and whether there may be more after these.
+    fn transmit(&self, parts: &mut VecDeque<Bytes>) -> bool;
     /// The connection has ended; nothing follows.
     fn closed(&self, reason: &str);
 }
@@ -75,8 +75,13 @@ async fn run(stream: &Stream, handle: &Handle, driver: &impl Driver) -> io::Resu
     let mut input = BytesMut::new();
     let mut output: VecDeque<Bytes> = VecDeque::new();
     loop {
-        driver.transmit(&mut output);
+        let more = driver.transmit(&mut output);
         let blocked = write(stream, &mut output)?;
+        if more && !blocked {
+            // Nobody wakes us for what the driver still has.
+            tokio::task::yield_now().await;
+            continue;
+        }
         let closing = handle.close.load(Ordering::Acquire);
         if output.is_empty() && closing {
             return Ok(());

@@ -1,6 +1,7 @@
 //! `fipa attach`: an agent for programs in any language.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use bytes::Bytes;
 use fipa::{Agent, Letter, Message, Notice, ReceiverOutcome};
@@ -25,9 +26,12 @@ pub struct Args {
     control: Control,
 }
 
+/// How long answers are waited for once the input has ended: from the last thing that came.
+const LINGER: Duration = Duration::from_secs(1);
+
 /// Sends the messages on standard input, prints what comes and what became of each, until the
-/// input ends or it is interrupted. A line that is no message is reported and passed over; the
-/// command then ends with 2.
+/// input ends and nothing more comes for a second, or it is interrupted. A line that is no message
+/// is reported and passed over; the command then ends with 2.
 pub fn run(args: &Args) -> Result<(), Failure> {
     attached::run(async {
         let interrupted = attached::interrupted()?;
@@ -42,7 +46,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let mut wrong: Option<Failure> = None;
         let mut open = true;
         tokio::pin!(interrupted);
-        while open || !sending.is_empty() {
+        loop {
+            let done = !open && sending.is_empty();
             tokio::select! {
                 line = lines.next_line(), if open => {
                     let line = line.map_err(|e| Failure::environment(format_args!("-: {e}")))?;
@@ -71,6 +76,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                 }
                 Some(notice) = notices.next() => print_notice(&notice)?,
                 () = &mut interrupted => break,
+                () = tokio::time::sleep(LINGER), if done => break,
             }
         }
         wrong.map_or(Ok(()), Err)

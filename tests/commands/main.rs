@@ -1,0 +1,12 @@
+//! The commands of the tool, as other programs script them.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod agents;
+mod attach;
+mod echo;
+mod listen;
+mod ping;
+mod send;
+mod translate;

@@ -1,0 +1,50 @@
+//! `fipa decode` and `fipa encode` between pipes.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::support::daemon::tool;
+use crate::support::process::{Ended, Process};
+
+fn piped(command: Command, octets: &[u8]) -> Ended {
+    let mut process = Process::start(command);
+    process.feed(octets);
+    process.wait()
+}
+
+#[test]
+fn a_recording_is_the_same_json_after_it_was_encoded_again() {
+    let vectors = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/vectors/fipa_acl");
+    let recording = std::fs::read(vectors.join("all_fields.bitefficient.bin")).unwrap();
+    let decoded = piped(tool(&["decode"]), &recording);
+    assert_eq!(decoded.code, Some(0), "{decoded:?}");
+    let json = decoded.only_json();
+    assert_eq!(json["performative"], "request");
+
+    let mut pipeline = Command::new("sh");
+    let script =
+        r#""$0" decode | "$0" encode --as bit-efficient | "$0" decode --as bit-efficient -"#;
+    pipeline.args(["-c", script, env!("CARGO_BIN_EXE_fipa")]);
+    let again = piped(pipeline, &recording);
+    assert_eq!(again.code, Some(0), "{again:?}");
+    assert_eq!(again.only_json(), json);
+}
+
+#[test]
+fn octets_that_are_no_message_end_it_with_2_and_say_where() {
+    let recording = [0xFA, 0x10, 0x09, 0x02, 0xFF];
+    let ended = piped(tool(&["decode"]), &recording);
+    assert_eq!(ended.code, Some(2), "{ended:?}");
+    assert!(ended.only_error().contains("octet "), "{ended:?}");
+    assert_eq!(ended.output, [""; 0]);
+}
+
+#[test]
+fn json_that_is_no_message_ends_it_with_2_and_says_where() {
+    let ended = piped(
+        tool(&["encode", "--as", "bit-efficient"]),
+        b"{\"performative\":\"inform\"}\n{\"performative\":",
+    );
+    assert_eq!(ended.code, Some(2), "{ended:?}");
+    assert!(ended.only_error().contains("2:"), "{ended:?}");
+}

@@ -1,0 +1,10 @@
+//! Several daemons: how they find each other, what reaches whom, and what happens when one goes.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod ending;
+mod losing;
+mod names;
+mod patterns;
+mod wires;

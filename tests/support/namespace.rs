@@ -1,0 +1,109 @@
+//! Network namespaces: hosts of their own, joined by virtual wires.
+
+use std::ffi::OsString;
+use std::process::Command;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use super::{PATIENCE, skipped};
+
+/// A network namespace, with loopback up. It goes with this value.
+pub(crate) struct Namespace(String);
+
+impl Namespace {
+    /// A host without any wire; `None` where there can be none, which has been said then.
+    pub(crate) fn new() -> Option<Namespace> {
+        static POSSIBLE: OnceLock<bool> = OnceLock::new();
+        let possible = POSSIBLE.get_or_init(|| Namespace::make().is_ok());
+        if !possible {
+            skipped("root and ip, to make network namespaces");
+            return None;
+        }
+        Some(Namespace::make().unwrap())
+    }
+
+    /// Two hosts at 10.0.0.1 and 10.0.0.2, at the ends of a wire.
+    pub(crate) fn pair() -> Option<(Namespace, Namespace)> {
+        let (one, two) = Namespace::unplugged_pair()?;
+        two.plug_in();
+        for host in [&one, &two] {
+            host.wait_until_plugged();
+        }
+        Some((one, two))
+    }
+
+    /// The same; at the second host the wire is not plugged in.
+    pub(crate) fn unplugged_pair() -> Option<(Namespace, Namespace)> {
+        let (one, two) = (Namespace::new()?, Namespace::new()?);
+        let wire = "link add wire type veth peer name wire netns";
+        one.ip(&format!("{wire} {}", two.0)).unwrap();
+        one.ip("addr add 10.0.0.1/24 dev wire").unwrap();
+        two.ip("addr add 10.0.0.2/24 dev wire").unwrap();
+        one.plug_in();
+        Some((one, two))
+    }
+
+    /// Puts the wire in.
+    pub(crate) fn plug_in(&self) {
+        self.ip("link set wire up").unwrap();
+    }
+
+    /// The kernel notices a little later that both ends of a wire are plugged in.
+    fn wait_until_plugged(&self) {
+        let until = Instant::now() + PATIENCE;
+        while !self.ip("-o link show wire").unwrap().contains("state UP") {
+            assert!(Instant::now() < until, "the wire stays down");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// The same command, run in the namespace.
+    pub(crate) fn enter(&self, command: &Command) -> Command {
+        let mut inside = Command::new("ip");
+        inside.args(["netns", "exec", &self.0]);
+        inside.arg(command.get_program()).args(command.get_args());
+        for (key, value) in command.get_envs() {
+            match value {
+                Some(value) => inside.env(key, value),
+                None => inside.env_remove(key),
+            };
+        }
+        inside
+    }
+
+    fn make() -> Result<Namespace, String> {
+        static NUMBER: AtomicU32 = AtomicU32::new(1);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = format!("fipa-{}-{number}", std::process::id());
+        ip(["netns", "add", &name].map(OsString::from))?;
+        let namespace = Namespace(name);
+        namespace.ip("link set lo up")?;
+        Ok(namespace)
+    }
+
+    /// Runs `ip` with these words in the namespace.
+    fn ip(&self, words: &str) -> Result<String, String> {
+        let namespace = ["-n", &self.0].map(OsString::from);
+        ip(namespace
+            .into_iter()
+            .chain(words.split(' ').map(OsString::from)))
+    }
+}
+
+impl Drop for Namespace {
+    fn drop(&mut self) {
+        // What cannot be taken away is left to the machine.
+        let _ = ip(["netns", "delete", &self.0].map(OsString::from));
+    }
+}
+
+fn ip(words: impl IntoIterator<Item = OsString>) -> Result<String, String> {
+    let words: Vec<OsString> = words.into_iter().collect();
+    match Command::new("ip").args(&words).output() {
+        Ok(output) if output.status.success() => {
+            Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+        }
+        other => Err(format!("ip {words:?}: {other:?}")),
+    }
+}
