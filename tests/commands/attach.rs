@@ -1,9 +1,11 @@
 //! `fipa attach`: an agent for programs in any language.
 
+use std::time::Duration;
+
 use serde_json::json;
 
 use crate::support::daemon::Place;
-use crate::support::process::keys;
+use crate::support::process::{Process, keys};
 
 #[test]
 fn messages_go_in_and_messages_and_outcomes_come_out() {
@@ -53,8 +55,9 @@ fn a_malformed_line_is_reported_and_passed_over_and_ends_it_with_2() {
     let place = Place::new();
     let daemon = place.start_with("robot1", &["--no-mdns"]);
     let mut agent = daemon.attach("attach", "arm@robot1");
-    for (number, line) in [(1, "nonsense"), (2, r#"{"performative":1}"#)] {
-        agent.tell(line);
+    let lines = [&b"nonsense\n"[..], b"{\"performative\":1}\n", b"\"\xFF\"\n"];
+    for (number, line) in (1..).zip(lines) {
+        agent.write(line);
         let report = agent.json();
         assert_eq!(report["event"], "malformed");
         assert_eq!(report["line"], number);
@@ -63,6 +66,7 @@ fn a_malformed_line_is_reported_and_passed_over_and_ends_it_with_2() {
     let receiver = json!([{"name": "nobody"}]);
     agent.tell(json!({"performative": "inform", "receiver": receiver}));
     assert_eq!(agent.json()["outcome"], "unknown");
+    agent.close_input();
     let ended = agent.wait();
     assert_eq!(ended.code, Some(2), "{ended:?}");
     assert!(ended.only_error().contains("line 1"), "{ended:?}");
@@ -93,4 +97,23 @@ fn the_daemons_coming_and_going_are_events() {
     let daemon = place.start_with("robot1", &["--no-mdns"]);
     assert_eq!(agent.json()["event"], "attached");
     daemon.wait_for("arm@robot1");
+}
+
+#[test]
+fn a_daemon_that_stays_away_for_30_s_ends_whoever_waits_for_it_with_3() {
+    let place = Place::new();
+    let daemon = place.start_with("robot1", &["--no-mdns"]);
+    let mut waiting = vec![Process::start(
+        daemon.fipa(&["agents", "--watch", "--json"]),
+    )];
+    for command in ["listen", "echo", "attach"] {
+        waiting.push(daemon.attach(command, &format!("{command}@robot1")));
+        assert_eq!(waiting[0].json()["event"], "added");
+    }
+    daemon.kill();
+    for process in waiting {
+        let ended = process.wait_within(Duration::from_secs(45));
+        assert_eq!(ended.code, Some(3), "{ended:?}");
+        ended.only_error();
+    }
 }

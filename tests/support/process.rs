@@ -83,15 +83,19 @@ impl Process {
 
     /// Writes a line to its standard input.
     pub(crate) fn tell(&mut self, line: impl std::fmt::Display) {
+        self.write(format!("{line}\n").as_bytes());
+    }
+
+    /// Writes to its standard input.
+    pub(crate) fn write(&mut self, octets: &[u8]) {
         let input = self.input.as_mut().expect("the input is open");
-        writeln!(input, "{line}").unwrap();
-        input.flush().unwrap();
+        input.write_all(octets).unwrap();
     }
 
     /// Writes all of its standard input. It must read that before it writes much.
     pub(crate) fn feed(&mut self, octets: &[u8]) {
-        let mut input = self.input.take().expect("the input is open");
-        input.write_all(octets).unwrap();
+        self.write(octets);
+        self.close_input();
     }
 
     /// Ends its standard input.
@@ -108,14 +112,13 @@ impl Process {
         self.end();
     }
 
-    /// Waits until it has ended by itself.
+    /// Waits until it has ended by itself. Its standard input stays as it is.
     pub(crate) fn wait(self) -> Ended {
         self.wait_within(PATIENCE)
     }
 
     /// Waits until it has ended by itself, which must be within that time.
     pub(crate) fn wait_within(mut self, within: Duration) -> Ended {
-        self.input = None;
         let until = Instant::now() + within;
         let output = self.rest(&self.output, until);
         let errors = self.rest(&self.errors, until);
@@ -181,7 +184,9 @@ impl Ended {
 
 /// Runs a command to its end, without input.
 pub(crate) fn run(command: Command) -> Ended {
-    Process::start(command).wait()
+    let mut process = Process::start(command);
+    process.close_input();
+    process.wait()
 }
 
 /// The keys of an object, in their order.

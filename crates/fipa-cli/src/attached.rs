@@ -38,11 +38,14 @@ impl Control {
 
 /// Runs a command that waits.
 pub(crate) fn run(command: impl Future<Output = Result<(), Failure>>) -> Result<(), Failure> {
-    tokio::runtime::Builder::new_current_thread()
+    let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::environment)?
-        .block_on(command)
+        .map_err(Failure::environment)?;
+    let result = runtime.block_on(command);
+    // Reading standard input cannot be broken off, and nobody needs to wait for it.
+    runtime.shutdown_background();
+    result
 }
 
 /// Registers an agent. A name that somebody holds is a "no", one that cannot be is wrong usage.

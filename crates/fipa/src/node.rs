@@ -76,14 +76,18 @@ impl Hub {
     pub(crate) fn changes(&mut self) -> mpsc::UnboundedReceiver<Change> {
         let (sender, receiver) = mpsc::unbounded_channel();
         self.changes.retain(|listener| !listener.is_closed());
-        self.changes.push(sender);
+        if !self.ended {
+            self.changes.push(sender);
+        }
         receiver
     }
 
     pub(crate) fn notices(&mut self) -> mpsc::UnboundedReceiver<Notice> {
         let (sender, receiver) = mpsc::unbounded_channel();
         self.notices.retain(|listener| !listener.is_closed());
-        self.notices.push(sender);
+        if !self.ended {
+            self.notices.push(sender);
+        }
         receiver
     }
 
@@ -92,6 +96,8 @@ impl Hub {
         self.ended = true;
         self.outcomes.clear();
         self.registrations.clear();
+        self.changes.clear();
+        self.notices.clear();
         self.mail
             .values()
             .for_each(|notify| notify.notify_waiters());
@@ -261,11 +267,11 @@ fn tell(hub: &mut Hub, output: Output) {
         }
         Output::Notice(notice) => {
             tracing::info!("{notice}");
+            hub.notices
+                .retain(|listener| listener.send(notice.clone()).is_ok());
             if let Notice::DaemonGivenUp { .. } = notice {
                 hub.end();
             }
-            hub.notices
-                .retain(|listener| listener.send(notice.clone()).is_ok());
         }
         Output::Verify(instance) => {
             if let Some(verify) = &hub.verify {

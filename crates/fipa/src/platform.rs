@@ -89,6 +89,9 @@ impl Platform {
         // The directory is the first thing that a daemon sends. An empty one brings no change, so
         // its coming is asked for, not waited for.
         while !node.with(|_, program, _| program.has_directory()) {
+            if node.with(|_, _, hub| hub.has_ended()) {
+                return Err(Error::Ended);
+            }
             tokio::select! {
                 _ = changes.recv() => {}
                 () = tokio::time::sleep(std::time::Duration::from_millis(5)) => {}

@@ -40,7 +40,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let mut notices = platform.notices();
         attached::say_attached(&agent);
         let agent = Arc::new(agent);
-        let mut lines = BufReader::new(tokio::io::stdin()).lines();
+        let mut lines = BufReader::new(tokio::io::stdin()).split(b'\n');
         let mut sending = JoinSet::new();
         let mut number = 0_u64;
         let mut wrong: Option<Failure> = None;
@@ -49,12 +49,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         loop {
             let done = !open && sending.is_empty();
             tokio::select! {
-                line = lines.next_line(), if open => {
+                line = lines.next_segment(), if open => {
                     let line = line.map_err(|e| Failure::environment(format_args!("-: {e}")))?;
                     number += 1;
                     match line {
                         None => open = false,
-                        Some(line) if line.trim().is_empty() => {}
+                        Some(line) if line.trim_ascii().is_empty() => {}
                         Some(line) => match read(&line) {
                             Ok((message, tag)) => {
                                 sending.spawn(send(Arc::clone(&agent), message, tag));
@@ -84,8 +84,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// A message, and the tag beside it.
-fn read(line: &str) -> Result<(Message, Option<Value>), String> {
-    let mut value: Value = serde_json::from_str(line).map_err(|error| error.to_string())?;
+fn read(line: &[u8]) -> Result<(Message, Option<Value>), String> {
+    let mut value: Value = serde_json::from_slice(line).map_err(|error| error.to_string())?;
     let tag = value
         .as_object_mut()
         .and_then(|object| object.remove("tag"));
