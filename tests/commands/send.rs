@@ -33,6 +33,22 @@ fn a_message_that_arrived_ends_with_0() {
 }
 
 #[test]
+fn any_regular_expression_is_a_receiver() {
+    let place = Place::new();
+    let (one, _two, _echo) = place.pair();
+    let ended = one.run(&inform("(echo|nobody)@robot[0-9]", &[]));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert_eq!(outcome(&ended)["to"], "echo@robot2");
+}
+
+#[test]
+fn a_performative_of_two_words_is_wrong_usage() {
+    let words = ["send", "--to", "x", "--performative", "two words"];
+    let ended = run(tool(&words));
+    assert_eq!(ended.code, Some(2), "{ended:?}");
+}
+
+#[test]
 fn a_message_for_nobody_ends_with_1() {
     let place = Place::new();
     let daemon = place.start_with("robot1", &["--no-mdns"]);

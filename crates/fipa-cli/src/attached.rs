@@ -91,11 +91,13 @@ pub(crate) fn interrupted() -> Result<impl Future<Output = ()>, Failure> {
 /// `fipa-<purpose><pid>@<hostname>`, the name of a command's own agent.
 pub(crate) fn own_name(purpose: &str) -> String {
     let host = gethostname::gethostname();
-    format!(
-        "fipa-{purpose}{}@{}",
-        std::process::id(),
-        host.to_string_lossy()
-    )
+    let host = host.to_string_lossy();
+    let name = format!("fipa-{purpose}{}@{host}", std::process::id());
+    match Text::from(name.as_str()).is_word() {
+        true => name,
+        // A host may be called what no agent can be.
+        false => format!("fipa-{purpose}{}@localhost", std::process::id()),
+    }
 }
 
 /// A number of seconds on the command line.

@@ -32,12 +32,16 @@ const MAX_COMPILED: usize = 1 << 20;
 impl Pattern {
     /// Compiles a pattern; it is anchored at both ends.
     pub fn new(text: &str) -> Result<Pattern, PatternError> {
-        RegexBuilder::new(&format!("^(?:{text})$"))
-            .size_limit(MAX_COMPILED)
-            .dfa_size_limit(MAX_COMPILED)
-            .build()
-            .map(Pattern)
-            .map_err(|error| PatternError(describe(text, &error)))
+        let compile = |pattern: &str| {
+            RegexBuilder::new(pattern)
+                .size_limit(MAX_COMPILED)
+                .dfa_size_limit(MAX_COMPILED)
+                .build()
+                .map_err(|error| PatternError(describe(text, &error)))
+        };
+        // It must be a whole by itself: `a)|(b` would break out of the anchors.
+        compile(text)?;
+        compile(&format!("^(?:{text})$")).map(Pattern)
     }
 
     /// Whether all of the text matches.

@@ -106,6 +106,10 @@ fn patterns_meant_to_blow_up_are_refused_and_errors_are_one_line() {
         error.contains("unclosed group") && !error.contains('\n'),
         "{error}"
     );
+    assert!(
+        Pattern::new("a)|(b").is_err(),
+        "it would break out of the anchors"
+    );
     let slow = Pattern::new("(a*)*b").unwrap();
     assert!(!slow.matches(&"a".repeat(100_000)));
 }

@@ -28,7 +28,7 @@ pub(crate) async fn send(
         // A relative time means another point in time wherever it is read.
         message.reply_by = Some(FipaTime::from_unix_millis(until));
     }
-    let letter = match letter(&message, now) {
+    let letter = match letter(message.clone(), now) {
         Ok(letter) => letter,
         Err(reason) => return failed(&message.receiver, Outcome::Refused, &reason),
     };
@@ -76,17 +76,21 @@ fn failed(receivers: &[AgentId], outcome: Outcome, reason: &str) -> Vec<Receiver
 }
 
 /// The letter around a message: addressed as the message is, dated now.
-fn letter(message: &Message, now: i64) -> Result<Letter, String> {
+fn letter(mut message: Message, now: i64) -> Result<Letter, String> {
+    let receivers = message.receiver.clone();
+    // A pattern such as (a|b)@x is no word, which a name within a message must be; the envelope,
+    // which alone decides where the letter goes, takes any text.
+    message.receiver.retain(|receiver| receiver.name.is_word());
     let mut payload = Output::new();
-    bit_efficient::encode_message(message, &mut payload).map_err(|error| error.to_string())?;
+    bit_efficient::encode_message(&message, &mut payload).map_err(|error| error.to_string())?;
     let payload = payload.take_bytes();
     let base = Slots {
-        to: message.receiver.clone(),
+        to: receivers.clone(),
         from: message.sender.clone(),
         acl_representation: Some(Representation::BitEfficient),
         payload_length: Some(payload.len() as u64),
         date: Some(FipaTime::from_unix_millis(now)),
-        intended_receiver: message.receiver.clone(),
+        intended_receiver: receivers,
         ..Slots::default()
     };
     Ok(Letter {

@@ -23,8 +23,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     from: Option<String>,
     /// The communicative act, such as inform, request or query-ref
-    #[arg(long, value_name = "P")]
-    performative: String,
+    #[arg(long, value_name = "P", value_parser = word)]
+    performative: Text,
     /// The content
     #[arg(long, value_name = "TEXT", conflicts_with = "content_file")]
     content: Option<String>,
@@ -32,8 +32,8 @@ pub struct Args {
     #[arg(long, value_name = "F")]
     content_file: Option<PathBuf>,
     /// The interaction protocol
-    #[arg(long, value_name = "P")]
-    protocol: Option<String>,
+    #[arg(long, value_name = "P", value_parser = word)]
+    protocol: Option<Text>,
     /// The conversation; made up where --wait needs one
     #[arg(long, value_name = "ID")]
     conversation_id: Option<String>,
@@ -82,6 +82,15 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     })
 }
 
+/// A performative or protocol, which can only be written as a word.
+fn word(text: &str) -> Result<Text, String> {
+    let word = Text::from(text);
+    match word.is_word() {
+        true => Ok(word),
+        false => Err("it must be one ASCII word, not beginning with a digit, # - or @".to_owned()),
+    }
+}
+
 fn content(args: &Args) -> Result<Option<Bytes>, Failure> {
     match (&args.content, &args.content_file) {
         (Some(text), _) => Ok(Some(Bytes::from(text.clone()))),
@@ -91,11 +100,11 @@ fn content(args: &Args) -> Result<Option<Bytes>, Failure> {
 }
 
 fn message(args: &Args, from: &str, content: Option<Bytes>) -> Message {
-    let mut message = Message::new(Performative::from(args.performative.as_str()))
+    let mut message = Message::new(Performative::from(args.performative.clone()))
         .from_agent(from)
         .to(args.to.as_str());
     message.content = content;
-    message.protocol = args.protocol.as_deref().map(Text::from);
+    message.protocol = args.protocol.clone();
     message.language = args.language.as_deref().map(Into::into);
     message.ontology = args.ontology.as_deref().map(Into::into);
     message.reply_with = args.reply_with.as_deref().map(Into::into);
