@@ -41,7 +41,7 @@ pub enum Command {
     /// Ask an agent, and measure how long the answer takes
     Ping(ping::Args),
     /// Send a message, and say what became of it
-    Send(send::Args),
+    Send(Box<send::Args>),
 }
 
 impl Command {
