@@ -6,7 +6,7 @@ use crate::events::Event;
 use crate::sim::Sim;
 
 impl Sim {
-    /// Runs until a point on the clock of [`Now::mono`].
+    /// Runs until a point on the clock of [`Now::mono`](fipa_directory::Now::mono).
     pub fn run_until(&mut self, until: Duration) {
         while self.queue.next_at().is_some_and(|at| at <= until) {
             self.step();
