@@ -19,7 +19,7 @@ pub struct Args {
     /// Who it is for: a name, or a regular expression that must match all of one
     #[arg(long, value_name = "NAME_OR_REGEX")]
     to: String,
-    /// In whose name; default fipa-<pid>@<hostname>
+    /// In whose name; default fipa-PID@HOSTNAME
     #[arg(long, value_name = "NAME")]
     from: Option<String>,
     /// The communicative act, such as inform, request or query-ref
