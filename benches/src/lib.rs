@@ -1,5 +1,10 @@
-//! What the benches have in common: daemons as processes, and plain sockets to compare with.
+//! What the benches have in common: daemons as processes, plain sockets to compare with, and the
+//! codecs' operations beside those of rivals.
 
 pub mod daemons;
+pub mod messages;
+pub mod operations;
 pub mod plain;
+pub mod rivals;
+pub mod rounds;
 pub mod table;

@@ -6,12 +6,24 @@
 #[cfg(feature = "proptest")]
 pub mod arbitrary;
 pub mod bit_efficient;
+mod charset;
 mod detect;
+mod dispatch;
 mod error;
+#[cfg(feature = "fuzzing")]
+pub mod fuzzing;
+mod letter;
 mod limits;
 mod output;
+pub mod string;
+pub mod xml;
 
 pub use detect::{Form, detect};
+pub use dispatch::{
+    EnvelopeRepresentation, decode_envelope, decode_letter, decode_letter_prefix, decode_message,
+    decode_message_prefix, encode_envelope, encode_letter, encode_message,
+};
 pub use error::{DecodeError, EncodeError, Fault};
+pub use letter::{decode_payload, decode_payload_as, payload_encoding, payload_representation};
 pub use limits::Limits;
 pub use output::{Output, Parts};
