@@ -31,6 +31,29 @@ fn a_recording_is_the_same_json_after_it_was_encoded_again() {
 }
 
 #[test]
+fn a_message_goes_through_every_representation_and_both_envelopes() {
+    let json = concat!(
+        r#"{"performative":"inform","sender":{"name":"a@h"},"receiver":[{"name":"b@h"}],"#,
+        r#""content":"grüß","conversation-id":"c-1"}"#,
+    );
+    let mut process = Command::new("sh");
+    let script = r#""$0" encode --as string | "$0" decode |
+        "$0" encode --as xml | "$0" decode --as xml |
+        "$0" encode --as xml --envelope bit-efficient | "$0" decode --envelope |
+        "$0" encode --as string --envelope xml | "$0" decode"#;
+    process.args(["-c", script, env!("CARGO_BIN_EXE_fipa")]);
+    let ended = piped(process, json.as_bytes());
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let letter = ended.only_json();
+    let message: serde_json::Value = serde_json::from_str(json).unwrap();
+    assert_eq!(letter["message"], message);
+    let envelope = &letter["envelope"];
+    assert_eq!(envelope["acl-representation"], "fipa.acl.rep.string.std");
+    assert_eq!(envelope["payload-encoding"], "UTF-8");
+    assert_eq!(envelope["intended-receiver"], message["receiver"]);
+}
+
+#[test]
 fn octets_that_are_no_message_end_it_with_2_and_say_where() {
     let recording = [0xFA, 0x10, 0x09, 0x02, 0xFF];
     let ended = piped(tool(&["decode"]), &recording);

@@ -1,4 +1,5 @@
-//! The representations: the one place that says which codec reads and writes which of them.
+//! The representations as the commands name them, and the layers of envelopes in the order of the
+//! wire.
 //!
 //! Reading takes a position in the whole input, so that errors name octets of it.
 
@@ -7,10 +8,10 @@ mod writing;
 
 use clap::ValueEnum;
 use fipa_acl::{Envelope, Representation, Slots};
-use fipa_codec::Form;
+use fipa_codec::EnvelopeRepresentation;
 
-pub use reading::{Expected, Item, decode_next, decode_payload};
-pub use writing::{encode_letter, encode_message};
+pub use reading::{Decoder, Expected, Item, behind_blanks};
+pub use writing::Encoder;
 
 /// A representation of messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -32,28 +33,6 @@ pub enum EnvelopeRep {
     Xml,
 }
 
-impl Rep {
-    /// The representation of this name; `None` for one that nobody here knows.
-    pub fn of(name: &Representation) -> Option<Rep> {
-        match name {
-            Representation::BitEfficient => Some(Rep::BitEfficient),
-            Representation::String => Some(Rep::String),
-            Representation::Xml => Some(Rep::Xml),
-            Representation::Other(_) => None,
-        }
-    }
-
-    /// The representation of the message that these octets begin with, or look like.
-    fn detected(octets: &[u8]) -> Option<Rep> {
-        match fipa_codec::detect(octets) {
-            Form::BitEfficientMessage => Some(Rep::BitEfficient),
-            Form::Xml => Some(Rep::Xml),
-            Form::String => Some(Rep::String),
-            Form::BitEfficientEnvelope | Form::Unknown => None,
-        }
-    }
-}
-
 impl From<Rep> for Representation {
     fn from(rep: Rep) -> Representation {
         match rep {
@@ -64,28 +43,36 @@ impl From<Rep> for Representation {
     }
 }
 
-/// The layers of an envelope in the order in which its representation writes them.
-pub fn layers_on_the_wire(envelope: &Envelope, rep: EnvelopeRep) -> impl Iterator<Item = &Slots> {
-    match rep {
-        // The newest overlay is in front. Nobody reads the other representation yet.
-        EnvelopeRep::BitEfficient | EnvelopeRep::Xml => envelope.layers(),
-    }
-}
-
-/// Layers in the order in which they stand on the wire, as an envelope.
-fn envelope_of_layers(mut layers: Vec<Slots>, rep: EnvelopeRep) -> Envelope {
-    match rep {
-        // The base is last, and in front of it are the overlays, the newest first.
-        EnvelopeRep::BitEfficient | EnvelopeRep::Xml => {
-            let base = layers.pop().unwrap_or_default();
-            layers.reverse();
-            Envelope {
-                base,
-                overlays: layers,
-            }
+impl From<EnvelopeRep> for EnvelopeRepresentation {
+    fn from(rep: EnvelopeRep) -> EnvelopeRepresentation {
+        match rep {
+            EnvelopeRep::BitEfficient => EnvelopeRepresentation::BitEfficient,
+            EnvelopeRep::Xml => EnvelopeRepresentation::Xml,
         }
     }
 }
 
-const XML: &str = "the xml representation is not supported yet";
-const STRING: &str = "the string representation is not supported yet";
+/// The layers of an envelope in the order in which its representation writes them.
+///
+/// In bit-efficient form there are peers that write them in another order, and read envelopes do
+/// not tell: theirs are shown as we would write them.
+pub fn layers_on_the_wire(envelope: &Envelope, rep: EnvelopeRepresentation) -> Vec<&Slots> {
+    match rep {
+        // The newest overlay is in front, the base is last.
+        EnvelopeRepresentation::BitEfficient => envelope.layers().collect(),
+        // The base is number 1, the newest overlay is last.
+        EnvelopeRepresentation::Xml => envelope.layers().rev().collect(),
+    }
+}
+
+/// Layers in the order in which they stand on the wire, as an envelope.
+fn envelope_of_layers(mut layers: Vec<Slots>, rep: EnvelopeRepresentation) -> Envelope {
+    if rep == EnvelopeRepresentation::BitEfficient {
+        layers.reverse();
+    }
+    let mut layers = layers.into_iter();
+    Envelope {
+        base: layers.next().unwrap_or_default(),
+        overlays: layers.collect(),
+    }
+}

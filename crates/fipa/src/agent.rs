@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fipa_acl::{Expression, Letter, Message, Representation, Text};
-use fipa_codec::{Limits, bit_efficient};
+use fipa_codec::{Limits, decode_payload};
 use fipa_link::ReceiverOutcome;
 use tokio::sync::{Notify, oneshot};
 
@@ -236,11 +236,42 @@ impl Drop for Agent {
 
 /// Reads the payload in the representation that the envelope names.
 fn read(letter: &Letter) -> Result<Message, String> {
-    match letter.envelope.acl_representation() {
-        Some(Representation::BitEfficient) | None => {
-            bit_efficient::decode_message(&letter.payload, &Limits::default())
-                .map_err(|error| error.to_string())
+    if let Some(Representation::Other(name)) = letter.envelope.acl_representation() {
+        return Err(format!("its representation is {name}"));
+    }
+    decode_payload(&letter.envelope, &letter.payload, &Limits::default())
+        .map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use fipa_acl::{Envelope, Performative, Slots};
+    use fipa_codec::{Output, encode_message};
+
+    use super::*;
+
+    fn letter(representation: Representation, payload: bytes::Bytes) -> Letter {
+        let envelope = Envelope::new(Slots {
+            acl_representation: Some(representation),
+            ..Slots::default()
+        });
+        Letter { envelope, payload }
+    }
+
+    #[test]
+    fn every_representation_is_read() {
+        let message = Message::new(Performative::Inform).to("b@h").content("hi");
+        for representation in [
+            Representation::BitEfficient,
+            Representation::String,
+            Representation::Xml,
+        ] {
+            let mut payload = Output::new();
+            encode_message(&representation, &message, &mut payload).unwrap();
+            let letter = letter(representation, payload.take_bytes());
+            assert_eq!(read(&letter), Ok(message.clone()));
         }
-        Some(other) => Err(format!("its representation is {}", other.as_str())),
+        let unknown = letter(Representation::Other("x.y".into()), "(inform)".into());
+        assert_eq!(read(&unknown), Err("its representation is x.y".to_owned()));
     }
 }

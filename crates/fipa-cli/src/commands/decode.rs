@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use bytes::Bytes;
 use fipa_acl::Letter;
-use fipa_codec::DecodeError;
+use fipa_codec::{DecodeError, EnvelopeRepresentation};
 use fipa_json::{letter_to_json, message_to_json, raw_letter_to_json};
 use serde_json::Value;
 
-use crate::forms::{self, EnvelopeRep, Expected, Item, Rep};
+use crate::forms::{self, Decoder, Expected, Item, Rep};
 use crate::{Failure, streams};
 
 /// The options of `fipa decode`.
@@ -45,44 +45,34 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// what the options insist on, and for an input without any message. The lines before it are
 /// written.
 pub fn decode(input: &Bytes, args: &Args, output: &mut dyn Write) -> Result<(), Failure> {
-    let expected = Expected {
+    let mut decoder = Decoder::new(Expected {
         rep: args.rep,
         letter: args.envelope,
-    };
-    let mut at = next_item(input, 0);
+    });
+    let mut at = forms::behind_blanks(input, 0);
     if at == input.len() {
         return Err(Failure::malformed("no message in the input"));
     }
     while at < input.len() {
-        let (item, end) = forms::decode_next(input, at, &expected)?;
+        let (item, end) = decoder.item(input, at)?;
         let json = match item {
             Item::Message(message) => message_to_json(&message),
-            Item::Letter { letter, rep } => letter_json(&letter, rep, end, args)?,
+            Item::Letter { letter, rep } if args.raw => raw_letter_json(&letter, rep),
+            Item::Letter { letter, .. } => letter_json(&mut decoder, &letter, end)?,
         };
         writeln!(output, "{json}")?;
-        at = next_item(input, end);
+        at = forms::behind_blanks(input, end);
     }
     Ok(())
 }
 
-/// The form of a letter that ends at `end` of the input.
-fn letter_json(
-    letter: &Letter,
-    rep: EnvelopeRep,
-    end: usize,
-    args: &Args,
-) -> Result<Value, DecodeError> {
-    if args.raw {
-        let layers = forms::layers_on_the_wire(&letter.envelope, rep);
-        return Ok(raw_letter_to_json(letter, layers));
-    }
-    let start = end - letter.payload.len();
-    let body = forms::decode_payload(letter, start, args.rep)?;
-    Ok(letter_to_json(&letter.envelope, &body))
+fn raw_letter_json(letter: &Letter, rep: EnvelopeRepresentation) -> Value {
+    raw_letter_to_json(letter, forms::layers_on_the_wire(&letter.envelope, rep))
 }
 
-/// Where what follows the white space at `at` begins.
-fn next_item(input: &[u8], at: usize) -> usize {
-    let rest = &input[at..];
-    at + rest.len() - rest.trim_ascii_start().len()
+/// The form of a letter that ends at `end` of the input.
+fn letter_json(decoder: &mut Decoder, letter: &Letter, end: usize) -> Result<Value, DecodeError> {
+    let start = end - letter.payload.len();
+    let body = decoder.payload(letter, start)?;
+    Ok(letter_to_json(&letter.envelope, &body))
 }

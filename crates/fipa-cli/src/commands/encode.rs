@@ -10,7 +10,7 @@ use fipa_json::{Body, EnvelopeForm, JsonError, LetterForm};
 use fipa_json::{envelope_for, letter_from_json, message_from_json};
 use serde_json::{Deserializer, Value};
 
-use crate::forms::{self, EnvelopeRep, Rep};
+use crate::forms::{Encoder, EnvelopeRep, Rep};
 use crate::{Failure, streams};
 
 /// The options of `fipa encode`.
@@ -49,6 +49,7 @@ pub fn encode(
     output: &mut dyn Write,
 ) -> Result<(), Failure> {
     let mut values = Deserializer::from_slice(input).into_iter::<Value>();
+    let mut encoder = Encoder::new(args.rep);
     let mut octets = Output::new();
     loop {
         let start = values.byte_offset();
@@ -57,7 +58,7 @@ pub fn encode(
             Some(Err(error)) => return Err(syntax(&error)),
             None => return Ok(()),
         };
-        encode_value(&value, args, now, &mut octets)
+        encode_value(&value, args.envelope, now, &mut encoder, &mut octets)
             .map_err(|error| Failure::malformed(format!("{}: {error}", position(input, start))))?;
         for part in octets.take().parts() {
             output.write_all(part)?;
@@ -78,31 +79,27 @@ enum ValueError {
 
 fn encode_value(
     value: &Value,
-    args: &Args,
+    envelope: Option<EnvelopeRep>,
     now: FipaTime,
+    encoder: &mut Encoder,
     output: &mut Output,
 ) -> Result<(), ValueError> {
     let is_letter = ["envelope", "layers"]
         .iter()
         .any(|key| value.get(key).is_some());
-    let Some(envelope_rep) = args.envelope else {
+    let Some(envelope) = envelope else {
         if is_letter {
             return Err(ValueError::Letter);
         }
         let message = message_from_json(value)?;
-        return Ok(forms::encode_message(&message, args.rep, output)?);
+        return Ok(encoder.message(&message, output)?);
     };
     let letter = if is_letter {
         letter_from_json(value)?
     } else {
         letter_of_message(value, now)?
     };
-    Ok(forms::encode_letter(
-        letter,
-        args.rep,
-        envelope_rep,
-        output,
-    )?)
+    Ok(encoder.letter(letter, envelope, output)?)
 }
 
 /// The letter that is made for a bare message.

@@ -1,14 +1,14 @@
 use bytes::Bytes;
-use fipa_acl::{Letter, Message};
-use fipa_codec::{DecodeError, Fault, Form, Limits, bit_efficient};
+use fipa_acl::{Letter, Message, Representation};
+use fipa_codec::{DecodeError, EnvelopeRepresentation, Fault, Form, Limits};
 use fipa_json::Body;
 
-use super::{EnvelopeRep, Rep, STRING, XML};
+use super::Rep;
 
 /// What the input must be; by default whatever is found there.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Expected {
-    /// The representation of bare messages.
+    /// The representation of messages.
     pub rep: Option<Rep>,
     /// Whether it must be a letter.
     pub letter: bool,
@@ -19,93 +19,129 @@ pub struct Expected {
 pub enum Item {
     /// A bare message.
     Message(Box<Message>),
-    /// A letter, its payload unopened: see [`decode_payload`].
+    /// A letter, its payload unopened: see [`Decoder::payload`].
     Letter {
         /// The letter.
         letter: Box<Letter>,
         /// The representation of its envelope.
-        rep: EnvelopeRep,
+        rep: EnvelopeRepresentation,
     },
 }
 
-/// Reads the message or letter that begins at `at` of the input; also says where it ends.
-///
-/// # Errors
-/// What begins there is neither, not what is expected, cut short, or in a representation that
-/// cannot be read yet. The offset counts from the beginning of the input.
-pub fn decode_next(
-    input: &Bytes,
-    at: usize,
-    expected: &Expected,
-) -> Result<(Item, usize), DecodeError> {
-    let rest = input.slice(at..);
-    let (item, len) = decode_first(&rest, expected).map_err(|error| moved(error, at))?;
-    Ok((item, at + len))
+/// Reads what follows each other in one input.
+#[derive(Debug, Default)]
+pub struct Decoder {
+    expected: Expected,
+    limits: Limits,
 }
 
-/// Opens a letter whose payload begins at `at` of the input.
-///
-/// The payload is read as `rep`, else as what the envelope says, else as what it looks like. One
-/// of a representation that nobody knows stays [`Body::Payload`].
-///
-/// # Errors
-/// The payload is malformed, or in a representation that cannot be read yet. The offset counts
-/// from the beginning of the input.
-pub fn decode_payload(letter: &Letter, at: usize, rep: Option<Rep>) -> Result<Body, DecodeError> {
-    let payload = &letter.payload;
-    let known = match letter.envelope.acl_representation() {
-        Some(name) => Rep::of(name),
-        None => Rep::detected(payload),
-    };
-    let Some(rep) = rep.or(known) else {
-        return Ok(Body::Payload(payload.clone()));
-    };
-    let message = match letter.envelope.payload_length() {
-        // Where the envelope says how long the payload is, nothing is lost by what stands behind
-        // the message.
-        Some(_) => decode_message_prefix(payload, rep).map(|(message, _)| message),
-        None => decode_message(payload, rep),
-    };
-    message
-        .map(|message| Body::Message(Box::new(message)))
-        .map_err(|error| moved(error, at))
-}
-
-fn decode_first(input: &Bytes, expected: &Expected) -> Result<(Item, usize), DecodeError> {
-    if fipa_codec::detect(input) == Form::BitEfficientEnvelope {
-        let (letter, len) = bit_efficient::decode_letter_prefix(input, &Limits::default())?;
-        let (letter, rep) = (Box::new(letter), EnvelopeRep::BitEfficient);
-        return Ok((Item::Letter { letter, rep }, len));
+impl Decoder {
+    /// A decoder that insists on this.
+    pub fn new(expected: Expected) -> Decoder {
+        Decoder {
+            expected,
+            limits: Limits::default(),
+        }
     }
-    let detected = Rep::detected(input);
-    if expected.letter {
-        // XML may well be a letter.
-        return Err(match detected {
-            Some(Rep::Xml) => unsupported(XML),
-            _ => malformed("no letter begins here"),
-        });
+
+    /// Reads the message or letter that begins at `at` of the input; also says where it ends.
+    ///
+    /// # Errors
+    /// What begins there is neither, not what is expected, or cut short. The offset counts from
+    /// the beginning of the input.
+    pub fn item(&mut self, input: &Bytes, at: usize) -> Result<(Item, usize), DecodeError> {
+        let (item, len) = self
+            .first(&input.slice(at..))
+            .map_err(|error| moved(error, at))?;
+        Ok((item, at + len))
     }
-    let rep = expected
-        .rep
-        .or(detected)
-        .ok_or(malformed("neither a message nor a letter begins here"))?;
-    let (message, len) = decode_message_prefix(input, rep)?;
-    Ok((Item::Message(Box::new(message)), len))
+
+    /// Opens a letter whose payload begins at `at` of the input.
+    ///
+    /// The payload is read as the expected representation, else as what the envelope says, else as
+    /// what it looks like. One of a representation that nobody knows stays [`Body::Payload`], and
+    /// so does none at all, if the envelope announces none: envelopes travel alone as well.
+    ///
+    /// # Errors
+    /// The payload is malformed. The offset counts from the beginning of the input.
+    pub fn payload(&mut self, letter: &Letter, at: usize) -> Result<Body, DecodeError> {
+        let Letter { envelope, payload } = letter;
+        let announced = envelope.payload_length().unwrap_or(0);
+        let representation = match self.expected.rep {
+            Some(rep) => Some(rep.into()),
+            None if payload.is_empty() && announced == 0 => None,
+            None => fipa_codec::payload_representation(envelope, payload),
+        };
+        match representation {
+            None | Some(Representation::Other(_)) => Ok(Body::Payload(payload.clone())),
+            Some(representation) => self
+                .opened(letter, &representation)
+                .map(|message| Body::Message(Box::new(message)))
+                .map_err(|error| moved(error, at)),
+        }
+    }
+
+    fn first(&mut self, input: &Bytes) -> Result<(Item, usize), DecodeError> {
+        if let Some(rep) = EnvelopeRepresentation::detect(input) {
+            let (letter, len) = fipa_codec::decode_letter_prefix(input, &self.limits)?;
+            let letter = Box::new(letter);
+            return Ok((Item::Letter { letter, rep }, len));
+        }
+        if self.expected.letter {
+            return Err(malformed(0, "no letter begins here"));
+        }
+        let expected = self.expected.rep.map(Representation::from);
+        let representation = expected
+            .or_else(|| detected(input))
+            .ok_or(malformed(0, "neither a message nor a letter begins here"))?;
+        let (message, len) = self.message(&representation, input)?;
+        Ok((Item::Message(Box::new(message)), len))
+    }
+
+    fn message(
+        &mut self,
+        representation: &Representation,
+        input: &Bytes,
+    ) -> Result<(Message, usize), DecodeError> {
+        fipa_codec::decode_message_prefix(representation, input, &self.limits)
+    }
+
+    /// Where the envelope says how long the payload is, nothing is lost by what stands behind the
+    /// message; else that is part of the input like everything else.
+    fn opened(
+        &mut self,
+        letter: &Letter,
+        representation: &Representation,
+    ) -> Result<Message, DecodeError> {
+        let Letter { envelope, payload } = letter;
+        let (message, len) =
+            fipa_codec::decode_payload_as(representation, envelope, payload, &self.limits)?;
+        let end = behind_blanks(payload, len);
+        if end < payload.len() && envelope.payload_length().is_none() {
+            return Err(malformed(end, "something follows the message"));
+        }
+        Ok(message)
+    }
 }
 
-fn decode_message_prefix(input: &Bytes, rep: Rep) -> Result<(Message, usize), DecodeError> {
-    match rep {
-        Rep::BitEfficient => bit_efficient::decode_message_prefix(input, &Limits::default()),
-        Rep::Xml => Err(unsupported(XML)),
-        Rep::String => Err(unsupported(STRING)),
+/// Where what follows the white space at `at` begins, be that in UTF-8 or UTF-16.
+pub fn behind_blanks(octets: &[u8], mut at: usize) -> usize {
+    loop {
+        at += match &octets[at..] {
+            [0, blank, ..] | [blank, 0, ..] if blank.is_ascii_whitespace() => 2,
+            [blank, ..] if blank.is_ascii_whitespace() => 1,
+            _ => return at,
+        };
     }
 }
 
-fn decode_message(input: &Bytes, rep: Rep) -> Result<Message, DecodeError> {
-    match rep {
-        Rep::BitEfficient => bit_efficient::decode_message(input, &Limits::default()),
-        Rep::Xml => Err(unsupported(XML)),
-        Rep::String => Err(unsupported(STRING)),
+/// The representation of the message that these octets look like.
+fn detected(octets: &[u8]) -> Option<Representation> {
+    match fipa_codec::detect(octets) {
+        Form::BitEfficientMessage => Some(Representation::BitEfficient),
+        Form::Xml => Some(Representation::Xml),
+        Form::String => Some(Representation::String),
+        Form::BitEfficientEnvelope | Form::Unknown => None,
     }
 }
 
@@ -117,18 +153,10 @@ fn moved(error: DecodeError, at: usize) -> DecodeError {
     }
 }
 
-fn malformed(what: &'static str) -> DecodeError {
+fn malformed(offset: usize, what: &'static str) -> DecodeError {
     DecodeError {
-        offset: 0,
+        offset,
         fault: Fault::Malformed,
-        what,
-    }
-}
-
-fn unsupported(what: &'static str) -> DecodeError {
-    DecodeError {
-        offset: 0,
-        fault: Fault::Unsupported,
         what,
     }
 }

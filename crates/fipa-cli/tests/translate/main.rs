@@ -1,13 +1,17 @@
 //! `fipa decode` and `fipa encode`, on octets in memory.
 
+mod charsets;
 mod decode;
 mod encode;
+mod forms;
+mod properties;
 mod recordings;
 
 use bytes::Bytes;
 use clap::Parser;
 use fipa_acl::FipaTime;
 use fipa_cli::{Cli, Command, Failure, commands};
+use serde_json::Value;
 
 /// The inform from a@h to b@h with the content `hi`.
 pub(crate) const MESSAGE: &[u8] =
@@ -36,7 +40,17 @@ pub(crate) fn decode(options: &[&str], input: &[u8]) -> (String, Result<(), Fail
 /// What `fipa encode --as bit-efficient` with these options writes for this input, and how it
 /// ends.
 pub(crate) fn encode(options: &[&str], input: &str) -> (Vec<u8>, Result<(), Failure>) {
-    let options = [&["--as", "bit-efficient"], options].concat();
+    encode_as("bit-efficient", options, input)
+}
+
+/// What `fipa encode` with this representation and these options writes for this input, and how
+/// it ends.
+pub(crate) fn encode_as(
+    rep: &str,
+    options: &[&str],
+    input: &str,
+) -> (Vec<u8>, Result<(), Failure>) {
+    let options = [&["--as", rep], options].concat();
     let Command::Encode(args) = parse("encode", &options) else {
         panic!("not encode");
     };
@@ -44,6 +58,34 @@ pub(crate) fn encode(options: &[&str], input: &str) -> (Vec<u8>, Result<(), Fail
     let mut output = Vec::new();
     let result = commands::encode::encode(input.as_bytes(), &args, now, &mut output);
     (output, result)
+}
+
+/// The octets of a value, which can be written.
+pub(crate) fn encoded(rep: &str, options: &[&str], json: &Value) -> Vec<u8> {
+    let (octets, result) = encode_as(rep, options, &json.to_string());
+    assert_eq!(result, Ok(()), "{json}");
+    octets
+}
+
+/// The values in octets that can be read.
+pub(crate) fn decoded(options: &[&str], octets: &[u8]) -> Vec<Value> {
+    let (lines, result) = decode(options, octets);
+    let shown = String::from_utf8_lossy(&octets[..octets.len().min(2000)]);
+    assert_eq!(result, Ok(()), "{shown}");
+    lines
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
+}
+
+/// The letter without what the encoder says about the payload that it makes.
+pub(crate) fn without_payload_slots(letter: &Value) -> Value {
+    let mut letter = letter.clone();
+    let envelope = letter["envelope"].as_object_mut().unwrap();
+    for slot in ["acl-representation", "payload-length", "payload-encoding"] {
+        envelope.shift_remove(slot);
+    }
+    letter
 }
 
 /// The exit code and the line of a failure.
