@@ -18,11 +18,8 @@ fn main() {
 }
 
 fn compare(content: &str, octets: usize, task: Task) {
-    let both = operations::operations(octets)
-        .into_iter()
-        .chain(rivals::operations(octets));
-    let mut group: Vec<Operation> = both.filter(|operation| operation.task == task).collect();
-    let rounds = Rounds::run(&mut group);
+    let make = || group(octets, task);
+    let (group, rounds) = (make(), Rounds::run(make));
     let place = |by| group.iter().position(|operation| operation.by == by);
     let (prost, memcpy) = (place("prost"), place("memcpy"));
     for (at, operation) in group.iter().enumerate() {
@@ -37,4 +34,11 @@ fn compare(content: &str, octets: usize, task: Task) {
         );
     }
     println!();
+}
+
+fn group(octets: usize, task: Task) -> Vec<Operation> {
+    let all = operations::operations(octets)
+        .into_iter()
+        .chain(rivals::operations(octets));
+    all.filter(|operation| operation.task == task).collect()
 }

@@ -4,13 +4,17 @@
 //! harness that measures one operation for seconds and then the next compares different seconds.
 //! Here what is compared ran within the same few milliseconds: ratios are taken round by round,
 //! and their median is told, which a disturbed round does not move.
+//!
+//! Where the buffers of an operation lie can make a copy several times as long, in all rounds. So
+//! the operations are made anew a few times, each time in other memory.
 
 use std::time::{Duration, Instant};
 
 use crate::operations::Operation;
 
-/// Rounds, and how long an operation is repeated in each.
-const ROUNDS: usize = 31;
+/// How often the operations are made, rounds with each, and how long one is repeated in a round.
+const PLACES: usize = 7;
+const ROUNDS: usize = 5;
 const SPAN: Duration = Duration::from_millis(2);
 
 /// Nanoseconds that each operation took, round by round.
@@ -18,19 +22,27 @@ const SPAN: Duration = Duration::from_millis(2);
 pub struct Rounds(Vec<Vec<f64>>);
 
 impl Rounds {
-    /// Runs the operations, after a round that does not count. Every round begins with another
-    /// operation, so that none always follows the same one.
-    pub fn run(operations: &mut [Operation]) -> Rounds {
+    /// Runs the operations that `make` makes, the same ones each time.
+    pub fn run(make: impl Fn() -> Vec<Operation>) -> Rounds {
+        // They are kept, so that the next ones cannot lie in the same place.
+        let mut places: Vec<_> = (0..PLACES).map(|_| make()).collect();
+        let mut rounds = Rounds(vec![Vec::new(); places[0].len()]);
+        for operations in &mut places {
+            rounds.add(operations);
+        }
+        rounds
+    }
+
+    /// Every round begins with another operation, so that none always follows the same one.
+    fn add(&mut self, operations: &mut [Operation]) {
         let counts: Vec<_> = operations.iter_mut().map(repetitions).collect();
-        let mut times = vec![Vec::with_capacity(ROUNDS); operations.len()];
         for round in 0..ROUNDS {
             for step in 0..operations.len() {
                 let at = (round + step) % operations.len();
                 let time = repeated(&mut operations[at], counts[at]);
-                times[at].push(time.as_secs_f64() * 1e9 / f64::from(counts[at]));
+                self.0[at].push(time.as_secs_f64() * 1e9 / f64::from(counts[at]));
             }
         }
-        Rounds(times)
     }
 
     /// Nanoseconds of an operation.
@@ -45,7 +57,7 @@ impl Rounds {
     }
 }
 
-/// So many repetitions fill the span of a round.
+/// So many repetitions fill the span of a round; finding that out is a round that does not count.
 fn repetitions(operation: &mut Operation) -> u32 {
     let mut count = 1;
     loop {

@@ -1,0 +1,124 @@
+//! Octets of the benchmark message of fipa_acl with one octet of content, and of the letters
+//! around it, beside those of fipa_acl's own encoders.
+
+use bytes::Bytes;
+use fipa_acl::{AgentId, Envelope, FipaTime, Letter, Message, Performative, Representation, Slots};
+use fipa_codec::{EnvelopeRepresentation, Output, encode_letter, encode_message};
+
+/// Octets of a message, and with either envelope around it.
+struct Sizes {
+    representation: Representation,
+    message: [usize; 2],
+    bit_efficient_letter: [usize; 2],
+    xml_letter: [usize; 2],
+}
+
+/// Ours, and those of fipa_acl.
+const SIZES: [Sizes; 3] = [
+    Sizes {
+        representation: Representation::BitEfficient,
+        message: [160, 162],
+        bit_efficient_letter: [239, 242],
+        xml_letter: [645, 647],
+    },
+    Sizes {
+        representation: Representation::String,
+        message: [350, 330],
+        bit_efficient_letter: [429, 410],
+        xml_letter: [829, 809],
+    },
+    Sizes {
+        representation: Representation::Xml,
+        message: [608, 624],
+        bit_efficient_letter: [687, 704],
+        xml_letter: [1084, 1100],
+    },
+];
+
+#[test]
+fn sizes_are_those_of_the_table() {
+    for sizes in SIZES {
+        let message = written(&sizes.representation);
+        let letter = |form| letter(&sizes.representation, &message, form).len();
+        let measured = [
+            message.len(),
+            letter(EnvelopeRepresentation::BitEfficient),
+            letter(EnvelopeRepresentation::Xml),
+        ];
+        let expected = sizes.columns().map(|[ours, _]| ours);
+        assert_eq!(measured, expected, "{:?}", sizes.representation);
+    }
+}
+
+#[test]
+fn nothing_is_longer_than_what_fipa_acl_writes() {
+    for sizes in SIZES {
+        let blanks = blanks(&sizes.representation);
+        for [ours, theirs] in sizes.columns() {
+            assert!(ours - blanks <= theirs, "{:?}", sizes.representation);
+        }
+    }
+}
+
+/// Those between the tokens of the string form: fipa_acl leaves them out, so that only readers
+/// that know all keywords find where one ends.
+fn blanks(representation: &Representation) -> usize {
+    if *representation != Representation::String {
+        return 0;
+    }
+    let message = written(representation);
+    let outside_quotes = message.split(|octet| *octet == b'"').step_by(2);
+    let blanks = |text: &[u8]| text.iter().filter(|octet| **octet == b' ').count();
+    outside_quotes.map(blanks).sum()
+}
+
+impl Sizes {
+    fn columns(&self) -> [[usize; 2]; 3] {
+        [self.message, self.bit_efficient_letter, self.xml_letter]
+    }
+}
+
+fn written(representation: &Representation) -> Bytes {
+    let mut out = Output::new();
+    encode_message(representation, &message(), &mut out).unwrap();
+    out.take_bytes()
+}
+
+fn letter(representation: &Representation, message: &Bytes, form: EnvelopeRepresentation) -> Bytes {
+    let letter = Letter {
+        envelope: envelope(representation, message.len()),
+        payload: message.clone(),
+    };
+    let mut out = Output::new();
+    encode_letter(form, &letter, &mut out).unwrap();
+    out.take_bytes()
+}
+
+/// 99 octets of information, as its authors count: the protocol is not among them.
+fn message() -> Message {
+    Message::new(Performative::Request)
+        .from_agent("proxy")
+        .to("crex_0")
+        .reply_to("proxy")
+        .protocol("RIMRES")
+        .language("test language")
+        .encoding("test encoding")
+        .ontology("test ontology")
+        .reply_with("test reply_with")
+        .reply_by(FipaTime::from_unix_millis(1_293_105_637_980))
+        .conversation_id("test conversationID")
+        .content("A")
+}
+
+fn envelope(representation: &Representation, octets: usize) -> Envelope {
+    Envelope::new(Slots {
+        to: vec![AgentId::new("crex_0")],
+        from: Some(AgentId::new("proxy")),
+        intended_receiver: vec![AgentId::new("crex_0")],
+        acl_representation: Some(representation.clone()),
+        payload_length: Some(octets as u64),
+        payload_encoding: Some("test encoding".into()),
+        date: Some(FipaTime::from_unix_millis(1_399_470_309_123)),
+        ..Slots::default()
+    })
+}
