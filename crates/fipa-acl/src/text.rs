@@ -28,12 +28,14 @@ impl Text {
     }
 
     /// The text in these octets, shared, not copied.
+    #[inline]
     pub fn from_utf8(octets: Bytes) -> Result<Text, NotUtf8> {
-        ByteString::try_from(octets)
-            .map(Text)
-            .map_err(|error| NotUtf8 {
+        match ByteString::try_from(octets) {
+            Ok(text) => Ok(Text(text)),
+            Err(error) => Err(NotUtf8 {
                 valid_up_to: error.valid_up_to(),
-            })
+            }),
+        }
     }
 
     /// The text in these octets, with U+FFFD for what is not UTF-8 (only then is it copied).
@@ -45,11 +47,13 @@ impl Text {
     }
 
     /// The text.
+    #[inline]
     pub fn as_str(&self) -> &str {
         &self.0
     }
 
     /// The octets, shared.
+    #[inline]
     pub fn into_bytes(self) -> Bytes {
         self.0.into_bytes()
     }
@@ -68,23 +72,56 @@ impl Text {
     /// assert!(!Text::from("9lives@robot1").is_word());
     /// assert!(!Text::from("two words").is_word());
     /// ```
+    #[inline]
     pub fn is_word(&self) -> bool {
         is_word(self.as_str().as_bytes())
     }
 }
 
+#[inline]
 pub(crate) fn is_word(octets: &[u8]) -> bool {
     let Some(first) = octets.first() else {
         return false;
     };
-    !matches!(first, b'#' | b'0'..=b'9' | b'-' | b'@' | b'"')
-        && octets
+    !matches!(first, b'#' | b'0'..=b'9' | b'-' | b'@' | b'"') && all_in_words(octets)
+}
+
+/// Whether all octets are 21 to 7F without parentheses, found out for eight of them at a time.
+#[inline]
+fn all_in_words(octets: &[u8]) -> bool {
+    let (eights, rest) = octets.as_chunks::<8>();
+    let all = eights.iter().all(|eight| are_in_words(*eight));
+    // The last ones are looked at together with some that were looked at before.
+    match (octets.last_chunk::<8>(), octets) {
+        (Some(last), _) => all && are_in_words(*last),
+        (None, [a, b, c, d, ..]) => {
+            let [.., w, x, y, z] = octets else {
+                return false;
+            };
+            are_in_words([*a, *b, *c, *d, *w, *x, *y, *z])
+        }
+        _ => rest
             .iter()
-            .all(|octet| matches!(octet, 0x21..=0x7f) && !matches!(octet, b'(' | b')'))
+            .all(|octet| matches!(octet, 0x21..=0x7f) && !matches!(octet, b'(' | b')')),
+    }
+}
+
+#[inline]
+fn are_in_words(octets: [u8; 8]) -> bool {
+    const fn each(octet: u8) -> u64 {
+        u64::from_le_bytes([octet; 8])
+    }
+    let word = u64::from_le_bytes(octets);
+    let from_21 = (word | each(0x80)) - each(0x21);
+    // The parentheses differ in the lowest bit only, and become zero.
+    let parentheses = (word & each(0xfe)) ^ each(b'(');
+    let no_parenthesis = ((parentheses & each(0x7f)) + each(0x7f)) | parentheses;
+    !word & from_21 & no_parenthesis & each(0x80) == each(0x80)
 }
 
 impl Deref for Text {
     type Target = str;
+    #[inline]
     fn deref(&self) -> &str {
         self.as_str()
     }

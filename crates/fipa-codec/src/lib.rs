@@ -8,6 +8,7 @@ pub mod arbitrary;
 pub mod bit_efficient;
 mod charset;
 mod detect;
+mod dialect;
 mod dispatch;
 mod error;
 #[cfg(feature = "fuzzing")]
@@ -19,6 +20,7 @@ pub mod string;
 pub mod xml;
 
 pub use detect::{Form, detect};
+pub use dialect::Dialect;
 pub use dispatch::{
     EnvelopeRepresentation, decode_envelope, decode_letter, decode_letter_prefix, decode_message,
     decode_message_prefix, encode_envelope, encode_letter, encode_message,

@@ -84,12 +84,15 @@ impl Output {
 
     /// What was written, as parts; the buffer is kept for what is written next.
     pub fn take(&mut self) -> Parts {
-        self.complete();
         self.octets = 0;
-        Parts {
-            parts: std::mem::take(&mut self.parts),
-            at: 0,
-        }
+        let pieces = if self.parts.is_empty() {
+            Pieces::One(self.buffer.split().freeze())
+        } else {
+            self.complete();
+            self.octets = 0;
+            Pieces::Many(std::mem::take(&mut self.parts))
+        };
+        Parts { pieces, at: 0 }
     }
 
     /// What was written, in one piece; large contents are copied into it.
@@ -150,20 +153,55 @@ impl Output {
 /// Encoded octets as parts that follow each other, for a vectored write.
 #[derive(Clone, Debug, Default)]
 pub struct Parts {
-    parts: Vec<Bytes>,
+    pieces: Pieces,
+    /// Pieces that are used up.
     at: usize,
+}
+
+/// Nearly always it is one, which needs no vector.
+#[derive(Clone, Debug)]
+enum Pieces {
+    One(Bytes),
+    Many(Vec<Bytes>),
+}
+
+impl Default for Pieces {
+    fn default() -> Pieces {
+        Pieces::Many(Vec::new())
+    }
 }
 
 impl Parts {
     /// The parts that are left.
     pub fn parts(&self) -> &[Bytes] {
-        &self.parts[self.at..]
+        let pieces = match &self.pieces {
+            Pieces::One(piece) if piece.is_empty() => &[],
+            Pieces::One(piece) => std::slice::from_ref(piece),
+            Pieces::Many(pieces) => pieces.as_slice(),
+        };
+        pieces.get(self.at..).unwrap_or_default()
     }
 
     /// The parts that are left.
-    pub fn into_parts(mut self) -> Vec<Bytes> {
-        self.parts.drain(..self.at);
-        self.parts
+    pub fn into_parts(self) -> Vec<Bytes> {
+        match self.pieces {
+            Pieces::One(piece) if piece.is_empty() || self.at > 0 => Vec::new(),
+            Pieces::One(piece) => vec![piece],
+            Pieces::Many(mut pieces) => {
+                pieces.drain(..self.at);
+                pieces
+            }
+        }
+    }
+
+    /// The first part that is left.
+    fn first_mut(&mut self) -> Option<&mut Bytes> {
+        let pieces = match &mut self.pieces {
+            Pieces::One(piece) if piece.is_empty() => &mut [],
+            Pieces::One(piece) => std::slice::from_mut(piece),
+            Pieces::Many(pieces) => pieces.as_mut_slice(),
+        };
+        pieces.get_mut(self.at)
     }
 }
 
@@ -184,7 +222,7 @@ impl Buf for Parts {
     }
 
     fn advance(&mut self, mut count: usize) {
-        while let Some(part) = self.parts.get_mut(self.at) {
+        while let Some(part) = self.first_mut() {
             if count < part.len() {
                 part.advance(count);
                 return;
@@ -195,7 +233,7 @@ impl Buf for Parts {
     }
 
     fn copy_to_bytes(&mut self, count: usize) -> Bytes {
-        if let Some(part) = self.parts.get_mut(self.at)
+        if let Some(part) = self.first_mut()
             && part.len() >= count
         {
             let octets = part.split_to(count);

@@ -1,7 +1,11 @@
 use fipa_acl::{AgentId, Expression, Text, UserDefined};
 
 use super::reader::Reader;
+use super::texts::Found;
 use crate::DecodeError;
+
+/// The end of a collection.
+const END: u8 = 0x01;
 
 /// In which of the two standards an agent identifier stands: they differ in how they write text.
 #[derive(Clone, Copy)]
@@ -12,55 +16,81 @@ pub(super) enum Notation {
     Envelope,
 }
 
-impl Reader<'_> {
-    /// AgentIdentifier* and the end of the collection.
-    pub(super) fn agents(&mut self, notation: Notation) -> Result<Vec<AgentId>, DecodeError> {
-        self.agents_at(notation, 0)
+impl<'a> Reader<'a> {
+    /// AgentIdentifier* and the end of the collection, into its place.
+    pub(super) fn agents(
+        &mut self,
+        notation: Notation,
+        agents: &mut Vec<AgentId>,
+    ) -> Result<(), DecodeError> {
+        self.agents_at(notation, 0, agents)
     }
 
-    /// AgentIdentifier of SC00069G or SC00088D.
-    pub(super) fn agent(&mut self, notation: Notation) -> Result<AgentId, DecodeError> {
-        let mut agent = AgentId::default();
-        self.agent_at(notation, 0, &mut agent)?;
+    /// AgentIdentifier of SC00069G or SC00088D, into its place.
+    pub(super) fn agent<'p>(
+        &mut self,
+        notation: Notation,
+        place: &'p mut Option<AgentId>,
+    ) -> Result<&'p mut AgentId, DecodeError> {
+        let name = self.agent_name(notation, 0)?;
+        *place = None;
+        self.take_with(name, |name| *place = Some(named(name)));
+        let agent = place.get_or_insert_default();
+        self.agent_parameters(notation, 0, agent)?;
         Ok(agent)
     }
 
-    /// NullTerminatedString of SC00088D.
-    pub(super) fn null_terminated(&mut self) -> Result<Text, DecodeError> {
-        let span = self.literal()?;
-        Ok(self.text_of(span))
-    }
-
-    fn agents_at(&mut self, notation: Notation, depth: usize) -> Result<Vec<AgentId>, DecodeError> {
-        let mut agents = Vec::new();
-        while !self.is_end()? {
+    fn agents_at(
+        &mut self,
+        notation: Notation,
+        depth: usize,
+        agents: &mut Vec<AgentId>,
+    ) -> Result<(), DecodeError> {
+        agents.clear();
+        while !self.skip_if(END)? {
             self.count_item()?;
-            self.agent_at(notation, depth, agents.push_mut(AgentId::default()))?;
+            let name = self.agent_name(notation, depth)?;
+            // Nearly always it is the only one, for which a vector makes too much room.
+            if agents.is_empty() {
+                agents.reserve_exact(1);
+            }
+            // In its place: moving an identifier costs more than reading it.
+            self.take_with(name, |name| agents.push(named(name)));
+            if let Some(agent) = agents.last_mut() {
+                self.agent_parameters(notation, depth, agent)?;
+            }
         }
-        Ok(agents)
+        Ok(())
     }
 
-    /// Reads into its place: moving an identifier costs more than reading it.
-    fn agent_at(
+    #[inline(always)]
+    fn agent_name(&mut self, notation: Notation, depth: usize) -> Result<Found<'a>, DecodeError> {
+        self.check_depth(depth)?;
+        if self.octet()? != 0x02 {
+            return Err(self.unexpected("an agent identifier is missing"));
+        }
+        match notation {
+            Notation::Message => self.find_word(),
+            Notation::Envelope => self.find_literal(),
+        }
+    }
+
+    #[inline]
+    fn agent_parameters(
         &mut self,
         notation: Notation,
         depth: usize,
         agent: &mut AgentId,
     ) -> Result<(), DecodeError> {
-        self.check_depth(depth)?;
-        if self.octet()? != 0x02 {
-            return Err(self.unexpected("an agent identifier is missing"));
-        }
-        agent.name = self.text(notation)?;
         loop {
             match self.octet()? {
-                0x01 => return Ok(()),
+                END => return Ok(()),
                 0x02 => agent.addresses = self.addresses(notation)?,
-                0x03 => agent.resolvers = self.agents_at(notation, depth + 1)?,
+                0x03 => self.agents_at(notation, depth + 1, &mut agent.resolvers)?,
                 // The two standards have one code each; one encoder uses that of the other.
                 0x04 | 0x05 => {
                     self.count_item()?;
-                    let name = self.text(notation)?;
+                    let name = self.text_in(notation)?;
                     let value = self.user_value(notation)?;
                     agent.user_defined.push(UserDefined::new(name, value));
                 }
@@ -71,14 +101,15 @@ impl Reader<'_> {
 
     fn addresses(&mut self, notation: Notation) -> Result<Vec<Text>, DecodeError> {
         let mut addresses = Vec::new();
-        while !self.is_end()? {
+        while !self.skip_if(END)? {
             self.count_item()?;
-            addresses.push(self.text(notation)?);
+            addresses.push(self.text_in(notation)?);
         }
         Ok(addresses)
     }
 
-    fn text(&mut self, notation: Notation) -> Result<Text, DecodeError> {
+    #[inline]
+    fn text_in(&mut self, notation: Notation) -> Result<Text, DecodeError> {
         match notation {
             Notation::Message => self.bin_word(),
             Notation::Envelope => self.null_terminated(),
@@ -95,13 +126,14 @@ impl Reader<'_> {
             Notation::Envelope => self.null_terminated().map(Expression::String),
         }
     }
+}
 
-    /// Steps over the end of a collection if it is here.
-    fn is_end(&mut self) -> Result<bool, DecodeError> {
-        let end = self.peek()? == 0x01;
-        if end {
-            self.octet()?;
-        }
-        Ok(end)
+#[inline(always)]
+fn named(name: Text) -> AgentId {
+    AgentId {
+        name,
+        addresses: Vec::new(),
+        resolvers: Vec::new(),
+        user_defined: Vec::new(),
     }
 }

@@ -2,8 +2,9 @@ use bytes::Bytes;
 use fipa_acl::{Envelope, Received, Representation, Slots, Text, canonical_user_name};
 
 use super::agents::Notation;
+use super::numbers::read_count;
 use super::reader::Reader;
-use super::values::{read_count, read_time};
+use super::times::read_time;
 use crate::{DecodeError, Fault};
 
 /// What stands in front of the parameters of one layer.
@@ -14,32 +15,29 @@ struct LayerHead {
 }
 
 impl Reader<'_> {
-    /// ExtEnvelope* BaseEnvelope of SC00088D.
-    pub(super) fn envelope(&mut self) -> Result<Envelope, DecodeError> {
+    /// ExtEnvelope* BaseEnvelope of SC00088D, into its place; tells where the base begins.
+    pub(super) fn envelope(&mut self, envelope: &mut Envelope) -> Result<usize, DecodeError> {
         let mut overlays = Vec::new();
         loop {
             self.check_layers(overlays.len() + 1)?;
             match self.octet()? {
                 0xfd => overlays.push(self.overlay()?),
                 0xfe => {
-                    let base = self.base()?;
-                    let overlays = travel_order(overlays);
-                    return Ok(Envelope { base, overlays });
+                    let begin = self.position() - 1;
+                    self.base(&mut envelope.base)?;
+                    envelope.overlays = travel_order(overlays);
+                    return Ok(begin);
                 }
                 _ => return Err(self.unexpected("no envelope begins like this")),
             }
         }
     }
 
-    fn base(&mut self) -> Result<Slots, DecodeError> {
+    fn base(&mut self, slots: &mut Slots) -> Result<(), DecodeError> {
         let head = self.head(true)?;
-        let mut slots = Slots {
-            acl_representation: Some(self.representation()?),
-            date: Some(read_time(self)?),
-            ..Slots::default()
-        };
-        self.parameters(&head, &mut slots)?;
-        Ok(slots)
+        slots.acl_representation = Some(self.representation()?);
+        slots.date = Some(read_time(self)?);
+        self.slots(&head, slots)
     }
 
     /// An overlay, and whether its announced length is its true one.
@@ -53,7 +51,7 @@ impl Reader<'_> {
             received: self.received()?,
             ..Slots::default()
         };
-        self.parameters(&head, &mut slots)?;
+        self.slots(&head, &mut slots)?;
         let is_true = self.position() - head.start == head.announced;
         Ok((slots, is_true))
     }
@@ -72,7 +70,7 @@ impl Reader<'_> {
         })
     }
 
-    fn parameters(&mut self, head: &LayerHead, slots: &mut Slots) -> Result<(), DecodeError> {
+    fn slots(&mut self, head: &LayerHead, slots: &mut Slots) -> Result<(), DecodeError> {
         loop {
             match self.octet()? {
                 0x01 => return Ok(()),
@@ -85,13 +83,13 @@ impl Reader<'_> {
     fn slot(&mut self, code: u8, slots: &mut Slots) -> Result<(), DecodeError> {
         match code {
             0x00 => slots.user_defined.push(self.user_text()?),
-            0x02 => slots.to = self.agents(Notation::Envelope)?,
-            0x03 => slots.from = Some(self.agent(Notation::Envelope)?),
+            0x02 => self.agents(Notation::Envelope, &mut slots.to)?,
+            0x03 => drop(self.agent(Notation::Envelope, &mut slots.from)?),
             0x04 => slots.acl_representation = Some(self.representation()?),
-            0x05 => slots.comments = self.unless_empty()?,
+            0x05 => self.unless_empty(&mut slots.comments)?,
             0x06 => slots.payload_length = Some(self.payload_length()?),
-            0x07 => slots.payload_encoding = self.unless_empty()?,
-            0x09 => slots.intended_receiver = self.agents(Notation::Envelope)?,
+            0x07 => self.unless_empty(&mut slots.payload_encoding)?,
+            0x09 => self.agents(Notation::Envelope, &mut slots.intended_receiver)?,
             // An overlay may repeat the stamp of its head, with more in it.
             0x0a => slots.received = self.received()?.or(slots.received.take()),
             0x0b => slots.transport_behaviour = Some(self.any()?),
@@ -160,8 +158,13 @@ impl Reader<'_> {
     }
 
     /// Some peers write an absent text as an empty one.
-    fn unless_empty(&mut self) -> Result<Option<Text>, DecodeError> {
-        Ok(Some(self.null_terminated()?).filter(|text| !text.is_empty()))
+    fn unless_empty(&mut self, place: &mut Option<Text>) -> Result<(), DecodeError> {
+        let found = self.find_literal()?;
+        *place = None;
+        if !found.is_empty() {
+            self.take_with(found, |text| *place = Some(text));
+        }
+        Ok(())
     }
 
     /// The grammar has bare Digits, the notes a code in front of them. No length has a leading
@@ -190,6 +193,9 @@ impl Reader<'_> {
 /// in front or (for a reader that lets the last one win) behind.
 fn travel_order(overlays: Vec<(Slots, bool)>) -> Vec<Slots> {
     let slots = |(slots, _)| slots;
+    if overlays.is_empty() {
+        return Vec::new();
+    }
     let Some(first_false) = overlays.iter().position(|(_, is_true)| !is_true) else {
         return overlays.into_iter().rev().map(slots).collect();
     };

@@ -1,14 +1,44 @@
 use bytes::{BufMut, BytesMut};
-use fipa_acl::{AgentId, FipaTime, Received, Representation, Slots, Text};
+use fipa_acl::{Envelope, FipaTime, Received, Representation, Slots, Text};
 
-use super::values::{write_digits, write_time};
-use super::writer::{
-    decimal, without_prefix, write_counted, write_null_terminated, write_prefixed, write_user_text,
-};
+use super::agents_writer::{write_agent, write_agents, write_any, write_text};
+use super::numbers::write_digits;
+use super::options::{Newest, WriteOptions};
+use super::times::write_time;
+use super::writer::{decimal, write_null_terminated, write_user_text};
 use crate::EncodeError;
 
+/// ExtEnvelope* BaseEnvelope of SC00088D, around a payload of so many octets.
+pub(super) fn write_envelope(
+    envelope: &Envelope,
+    payload: u64,
+    options: &WriteOptions,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
+    match options.newest {
+        Newest::First => {
+            for overlay in envelope.overlays.iter().rev() {
+                write_overlay(overlay, payload, options, out)?;
+            }
+        }
+        Newest::Last => {
+            let mut payload = envelope.base.payload_length.unwrap_or(payload);
+            for overlay in &envelope.overlays {
+                payload = overlay.payload_length.unwrap_or(payload);
+                write_overlay(overlay, payload, options, out)?;
+            }
+        }
+    }
+    write_base(&envelope.base, payload, options, out)
+}
+
 /// BaseEnvelope of SC00088D.
-pub(super) fn write_base(slots: &Slots, out: &mut BytesMut) -> Result<(), EncodeError> {
+fn write_base(
+    slots: &Slots,
+    payload: u64,
+    options: &WriteOptions,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
     const MANDATORY: &str = "a base envelope cannot be without it";
     let start = begin_layer(0xfe, out);
     let representation = slots.acl_representation.as_ref().ok_or(EncodeError {
@@ -20,22 +50,33 @@ pub(super) fn write_base(slots: &Slots, out: &mut BytesMut) -> Result<(), Encode
         parameter: "date",
         what: MANDATORY,
     })?;
-    write_point_in_time(date, "date", out)?;
-    write_slots(slots, out)?;
+    write_point_in_time(date, "date", options, out)?;
+    write_slots(slots, payload, options, out)?;
     if let Some(received) = &slots.received {
         out.put_u8(0x0a);
-        write_received(received, out)?;
+        write_received(received, options, out)?;
     }
-    end_layer(start, out)
+    out.put_u8(0x01);
+    match options.newest {
+        Newest::First => set_length(start, out),
+        Newest::Last => set_short_length(start, out.len() - start, out),
+    }
 }
 
-/// ExtEnvelope of SC00088D.
-pub(super) fn write_overlay(slots: &Slots, out: &mut BytesMut) -> Result<(), EncodeError> {
+/// ExtEnvelope of SC00088D, around a payload of so many octets.
+pub(super) fn write_overlay(
+    slots: &Slots,
+    payload: u64,
+    options: &WriteOptions,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
     let start = begin_layer(0xfd, out);
+    let stamp = out.len();
     match &slots.received {
-        Some(received) => write_received(received, out)?,
-        None => write_no_stamp(out)?,
+        Some(received) => write_received(received, options, out)?,
+        None => write_no_stamp(options, out)?,
     }
+    let stamp = out.len() - stamp;
     if slots.date.is_some() {
         return Err(EncodeError {
             parameter: "date",
@@ -46,19 +87,30 @@ pub(super) fn write_overlay(slots: &Slots, out: &mut BytesMut) -> Result<(), Enc
         out.put_u8(0x04);
         write_representation(representation, out)?;
     }
-    write_slots(slots, out)?;
-    end_layer(start, out)
+    write_slots(slots, payload, options, out)?;
+    out.put_u8(0x01);
+    match options.newest {
+        Newest::First => set_length(start, out),
+        // What fipa_acl announces: one octet more than there is without the stamp.
+        Newest::Last => set_short_length(start, out.len() - start - stamp + 1, out),
+    }
 }
 
 /// What base and overlays write alike.
-fn write_slots(slots: &Slots, out: &mut BytesMut) -> Result<(), EncodeError> {
+fn write_slots(
+    slots: &Slots,
+    payload: u64,
+    options: &WriteOptions,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
     write_agents(0x02, &slots.to, "to", out)?;
     if let Some(from) = &slots.from {
         out.put_u8(0x03);
         write_agent(from, "from", out)?;
     }
     write_text(0x05, &slots.comments, "comments", out)?;
-    if let Some(length) = slots.payload_length {
+    let stated = slots.payload_length;
+    if let Some(length) = stated.or(options.every_payload_length.then_some(payload)) {
         let (digits, start) = decimal(length);
         out.put_slice(&[0x06, 0x12]);
         write_digits(digits.get(start..).unwrap_or_default(), out);
@@ -69,8 +121,18 @@ fn write_slots(slots: &Slots, out: &mut BytesMut) -> Result<(), EncodeError> {
         out.put_u8(0x0b);
         write_any(behaviour, "transport-behaviour", out)?;
     }
-    for (name, value) in &slots.user_defined {
-        write_user_text(name, value, out)?;
+    write_user_texts(&slots.user_defined, options, out)
+}
+
+fn write_user_texts(
+    texts: &[(Text, Text)],
+    options: &WriteOptions,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
+    if options.user_defined_slots {
+        for (name, value) in texts {
+            write_user_text(name, value, out)?;
+        }
     }
     Ok(())
 }
@@ -82,9 +144,8 @@ fn begin_layer(code: u8, out: &mut BytesMut) -> usize {
     start
 }
 
-/// Ends the layer and fills in its length, for which a long one is moved by four octets.
-fn end_layer(start: usize, out: &mut BytesMut) -> Result<(), EncodeError> {
-    out.put_u8(0x01);
+/// Fills in the length of a complete layer, for which a long one is moved by four octets.
+fn set_length(start: usize, out: &mut BytesMut) -> Result<(), EncodeError> {
     let len = out.len() - start;
     if let Ok(len) = u16::try_from(len) {
         set(out, start + 1, &len.to_be_bytes());
@@ -98,6 +159,16 @@ fn end_layer(start: usize, out: &mut BytesMut) -> Result<(), EncodeError> {
     out.put_u32(0);
     out.copy_within(start + 3..end, start + 7);
     set(out, start + 3, &len.to_be_bytes());
+    Ok(())
+}
+
+/// Fills in a length for a reader that knows no long ones.
+fn set_short_length(start: usize, len: usize, out: &mut BytesMut) -> Result<(), EncodeError> {
+    let len = u16::try_from(len).map_err(|_| EncodeError {
+        parameter: "envelope",
+        what: "a layer of more than 65535 octets, which this peer cannot read",
+    })?;
+    set(out, start + 1, &len.to_be_bytes());
     Ok(())
 }
 
@@ -127,10 +198,11 @@ fn write_representation(
 fn write_point_in_time(
     time: &FipaTime,
     parameter: &'static str,
+    options: &WriteOptions,
     out: &mut BytesMut,
 ) -> Result<(), EncodeError> {
     match time {
-        FipaTime::Absolute { .. } => write_time(time, parameter, out),
+        FipaTime::Absolute { .. } => write_time(time, parameter, options, out),
         FipaTime::Relative(_) => Err(EncodeError {
             parameter,
             what: "a date in an envelope is a point in time",
@@ -139,7 +211,11 @@ fn write_point_in_time(
 }
 
 /// ReceivedObject.
-fn write_received(received: &Received, out: &mut BytesMut) -> Result<(), EncodeError> {
+fn write_received(
+    received: &Received,
+    options: &WriteOptions,
+    out: &mut BytesMut,
+) -> Result<(), EncodeError> {
     const PARAMETER: &str = "received";
     if received.by.is_empty() {
         return Err(EncodeError {
@@ -148,7 +224,7 @@ fn write_received(received: &Received, out: &mut BytesMut) -> Result<(), EncodeE
         });
     }
     write_null_terminated(received.by.as_bytes(), PARAMETER, out)?;
-    write_point_in_time(&received.date, PARAMETER, out)?;
+    write_point_in_time(&received.date, PARAMETER, options, out)?;
     let texts = [&received.from, &received.id, &received.via];
     for (code, text) in [0x02, 0x03, 0x04].into_iter().zip(texts) {
         if let Some(text) = text {
@@ -156,94 +232,15 @@ fn write_received(received: &Received, out: &mut BytesMut) -> Result<(), EncodeE
             write_null_terminated(text.as_bytes(), PARAMETER, out)?;
         }
     }
-    for (name, value) in &received.user_defined {
-        write_user_text(name, value, out)?;
-    }
+    write_user_texts(&received.user_defined, options, out)?;
     out.put_u8(0x01);
     Ok(())
 }
 
 /// The stamp that every overlay must have, for one that has none.
-fn write_no_stamp(out: &mut BytesMut) -> Result<(), EncodeError> {
+fn write_no_stamp(options: &WriteOptions, out: &mut BytesMut) -> Result<(), EncodeError> {
     write_null_terminated(b"", "received", out)?;
-    write_time(&FipaTime::from_unix_millis(0), "received", out)?;
+    write_time(&FipaTime::from_unix_millis(0), "received", options, out)?;
     out.put_u8(0x01);
     Ok(())
-}
-
-/// An empty text is the same as an absent one.
-fn write_text(
-    code: u8,
-    text: &Option<Text>,
-    parameter: &'static str,
-    out: &mut BytesMut,
-) -> Result<(), EncodeError> {
-    if let Some(text) = text.as_ref().filter(|text| !text.is_empty()) {
-        out.put_u8(code);
-        write_null_terminated(text.as_bytes(), parameter, out)?;
-    }
-    Ok(())
-}
-
-fn write_agents(
-    code: u8,
-    agents: &[AgentId],
-    parameter: &'static str,
-    out: &mut BytesMut,
-) -> Result<(), EncodeError> {
-    if agents.is_empty() {
-        return Ok(());
-    }
-    out.put_u8(code);
-    for agent in agents {
-        write_agent(agent, parameter, out)?;
-    }
-    out.put_u8(0x01);
-    Ok(())
-}
-
-/// AgentIdentifier of SC00088D.
-fn write_agent(
-    agent: &AgentId,
-    parameter: &'static str,
-    out: &mut BytesMut,
-) -> Result<(), EncodeError> {
-    out.put_u8(0x02);
-    write_null_terminated(agent.name.as_bytes(), parameter, out)?;
-    if !agent.addresses.is_empty() {
-        out.put_u8(0x02);
-        for address in &agent.addresses {
-            write_null_terminated(address.as_bytes(), parameter, out)?;
-        }
-        out.put_u8(0x01);
-    }
-    write_agents(0x03, &agent.resolvers, parameter, out)?;
-    for user_defined in &agent.user_defined {
-        out.put_u8(0x05);
-        let name = without_prefix(&user_defined.name);
-        write_prefixed("X-", name.as_bytes(), "user-defined", out)?;
-        match user_defined.value.as_str() {
-            Some(text) => write_any(text.as_bytes(), "user-defined", out)?,
-            None => write_any(
-                user_defined.value.to_string().as_bytes(),
-                "user-defined",
-                out,
-            )?,
-        }
-    }
-    out.put_u8(0x01);
-    Ok(())
-}
-
-/// Any: a null terminated string, or a counted one for what has a zero octet in it.
-fn write_any(
-    octets: &[u8],
-    parameter: &'static str,
-    out: &mut BytesMut,
-) -> Result<(), EncodeError> {
-    if octets.contains(&0) {
-        return write_counted(octets, parameter, out);
-    }
-    out.put_u8(0x14);
-    write_null_terminated(octets, parameter, out)
 }

@@ -1,8 +1,9 @@
 use bytes::Bytes;
 use fipa_acl::{Expression, Text};
 
-use super::reader::{Reader, Span};
-use super::values::read_number;
+use super::numbers::read_number;
+use super::reader::Reader;
+use super::texts::Form;
 use crate::DecodeError;
 
 /// What a code announces.
@@ -10,17 +11,6 @@ use crate::DecodeError;
 enum Token {
     Number,
     Text(Form),
-}
-
-/// How a text stands there.
-#[derive(Clone, Copy)]
-enum Form {
-    Word,
-    Literal,
-    Len8,
-    Len16,
-    Len32,
-    Coded,
 }
 
 impl Token {
@@ -56,15 +46,40 @@ impl Token {
 }
 
 impl Reader<'_> {
+    /// BinExpression of SC00069G, into its place.
+    #[inline(always)]
+    pub(super) fn expression_to(
+        &mut self,
+        place: &mut Option<Expression>,
+    ) -> Result<(), DecodeError> {
+        *place = None;
+        match self.octet()? {
+            0x10 => {
+                let found = self.find(Form::Word)?;
+                self.take_with(found, |text| *place = Some(Expression::Word(text)));
+            }
+            0x14 => {
+                let found = self.find(Form::Literal)?;
+                self.take_with(found, |text| *place = Some(Expression::String(text)));
+            }
+            code => *place = Some(self.expression_behind(code)?),
+        }
+        Ok(())
+    }
+
     /// BinExpression of SC00069G.
-    #[inline]
     pub(super) fn expression(&mut self) -> Result<Expression, DecodeError> {
-        let mut code = self.octet()?;
+        let code = self.octet()?;
+        self.expression_behind(code)
+    }
+
+    #[inline(never)]
+    fn expression_behind(&mut self, mut code: u8) -> Result<Expression, DecodeError> {
         if code == 0xff {
             code = self.octet()?;
         }
         if let Some(token) = Token::alone(code) {
-            return self.token(token);
+            return self.token(token, code);
         }
         if !opens(code) {
             return Err(self.unexpected("no expression begins like this"));
@@ -73,10 +88,25 @@ impl Reader<'_> {
         match Token::fused(close) {
             None => Ok(list),
             Some(token) => {
-                let behind = self.token(token)?;
+                let behind = self.token(token, close)?;
                 Ok(side_by_side(list, behind))
             }
         }
+    }
+
+    /// The content: a BinString of SC00069G, or what older encoders put in its place. It never
+    /// enters a code table, neither as a whole nor piecewise.
+    pub(super) fn content(&mut self) -> Result<Bytes, DecodeError> {
+        if self.table.is_some() && matches!(self.peek()?, 0x15 | 0x18) {
+            self.octet()?;
+            let found = self.find_coded()?;
+            return Ok(self.take_octets(found));
+        }
+        // An encoder that puts contents into its table has other numbers in it than we have.
+        let coding = self.table.take();
+        let content = self.string();
+        self.table = coding;
+        content
     }
 
     /// BinString of SC00069G, or what older encoders put in its place.
@@ -86,63 +116,37 @@ impl Reader<'_> {
             code = self.octet()?;
         }
         if let Some(Token::Text(form)) = Token::alone(code) {
-            let span = self.span(form)?;
-            return Ok(self.bytes_of(span));
+            let found = self.find_here(form)?;
+            return Ok(self.take_octets(found));
         }
-        self.go_to(self.position() - 1);
-        Ok(Bytes::from(self.expression()?.to_string()))
+        Ok(Bytes::from(self.expression_behind(code)?.to_string()))
     }
 
-    /// BinWord of SC00069G.
-    #[inline]
-    pub(super) fn bin_word(&mut self) -> Result<Text, DecodeError> {
-        let form = match self.octet()? {
-            0x10 => Form::Word,
-            0x11 => Form::Coded,
-            _ => return Err(self.unexpected("a word is missing")),
-        };
-        let span = self.span(form)?;
-        Ok(self.text_of(span))
-    }
-
-    #[inline]
-    fn token(&mut self, token: Token) -> Result<Expression, DecodeError> {
+    fn token(&mut self, token: Token, code: u8) -> Result<Expression, DecodeError> {
         let form = match token {
             Token::Number => return read_number(self).map(Expression::Number),
             Token::Text(form) => form,
         };
-        let span = self.span(form)?;
-        let text = self.text_of(span);
-        Ok(match form {
-            Form::Word => Expression::Word(text),
+        let found = self.find(form)?;
+        let text = self.take(found);
+        Ok(match code & 15 {
+            0 | 1 => Expression::Word(text),
             _ => Expression::String(text),
         })
-    }
-
-    /// All words and strings come in here: where a code table would learn them.
-    #[inline]
-    fn span(&mut self, form: Form) -> Result<Span, DecodeError> {
-        match form {
-            Form::Word => self.word(),
-            Form::Literal => self.literal(),
-            Form::Len8 => self.len8().and_then(|count| self.counted(count)),
-            Form::Len16 => self.len16().and_then(|count| self.counted(count)),
-            Form::Len32 => self.len32().and_then(|count| self.counted(count)),
-            Form::Coded => self.coded(),
-        }
     }
 
     /// A list behind the code that opened it, and the code that closed it.
     fn list(&mut self, open: u8, depth: usize) -> Result<(Expression, u8), DecodeError> {
         self.check_depth(depth)?;
         let mut items = Vec::new();
+        let mut code = open;
         let mut announced = Token::fused(open);
         loop {
             if let Some(token) = announced {
                 self.count_item()?;
-                items.push(self.token(token)?);
+                items.push(self.token(token, code)?);
             }
-            let code = self.octet()?;
+            code = self.octet()?;
             announced = Token::alone(code);
             if announced.is_some() {
                 continue;
@@ -156,6 +160,7 @@ impl Reader<'_> {
             self.count_item()?;
             let (inner, close) = self.list(code, depth + 1)?;
             items.push(inner);
+            code = close;
             announced = Token::fused(close);
         }
     }

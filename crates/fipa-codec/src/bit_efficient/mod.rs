@@ -1,42 +1,43 @@
 //! Bit-efficient messages (FIPA SC00069G) and envelopes (FIPA SC00088D).
 //!
-//! Writing is strict; reading accepts what known peers write. Texts and contents that were read
-//! share the buffer of the input. No code table is used: a message that announces one is read as
-//! long as nothing is taken from it.
+//! Writing is strict unless a [`Dialect`] is given; reading accepts what known peers write. Texts
+//! and contents that were read share the buffer of the input. Without a [`CodeTable`] a message
+//! that announces one is read as long as nothing is taken from it.
 
 mod agents;
+mod agents_writer;
+mod code_table;
 mod codes;
 mod envelope_reader;
 mod envelope_writer;
+mod expression_writer;
 mod expressions;
 mod message_reader;
 mod message_writer;
+mod numbers;
+mod options;
+mod overlay;
 mod reader;
-mod values;
+mod scan;
+mod texts;
+mod times;
+mod with_table;
 mod writer;
 
 use bytes::Bytes;
 use fipa_acl::{Envelope, Letter, Message, Slots};
 
+pub use self::code_table::{CodeTable, InvalidTableSize};
+pub(crate) use self::options::{Newest, WriteOptions};
+pub use self::overlay::{InsertError, insert_overlay_as};
 use self::reader::Reader;
-use crate::{DecodeError, EncodeError, Fault, Limits, Output};
+pub use self::with_table::{decode_message_prefix_with, decode_message_with, encode_message_with};
+use crate::{DecodeError, Dialect, EncodeError, Fault, Limits, Output};
 
 /// Reads a message (SC00069G section 2) that fills the whole input; line ends behind it are
 /// ignored.
 pub fn decode_message(bytes: &Bytes, limits: &Limits) -> Result<Message, DecodeError> {
-    let (message, used) = decode_message_prefix(bytes, limits)?;
-    let behind = bytes.get(used..).unwrap_or_default();
-    match behind
-        .iter()
-        .position(|octet| !matches!(octet, b'\r' | b'\n'))
-    {
-        None => Ok(message),
-        Some(position) => Err(DecodeError {
-            offset: used + position,
-            fault: Fault::Malformed,
-            what: "something follows the message",
-        }),
-    }
+    Reader::new(bytes, limits).message(|reader| reader.finish())
 }
 
 /// Reads the message (SC00069G section 2) at the beginning of the input, and tells how many octets
@@ -46,7 +47,7 @@ pub fn decode_message_prefix(
     limits: &Limits,
 ) -> Result<(Message, usize), DecodeError> {
     let mut reader = Reader::new(bytes, limits);
-    let message = reader.message()?;
+    let message = reader.message(|_| Ok(()))?;
     Ok((message, reader.position()))
 }
 
@@ -54,15 +55,26 @@ pub fn decode_message_prefix(
 ///
 /// Names, addresses and the protocol must be words ([`Text::is_word`](fipa_acl::Text::is_word)).
 pub fn encode_message(message: &Message, out: &mut Output) -> Result<(), EncodeError> {
+    encode_message_as(Dialect::Standard, message, out)
+}
+
+/// Appends a message (SC00069G section 2) as a peer needs it; on an error `out` is as before.
+pub fn encode_message_as(
+    dialect: Dialect,
+    message: &Message,
+    out: &mut Output,
+) -> Result<(), EncodeError> {
+    let options = dialect.bit_efficient();
     out.reserve(message_writer::expected_len(message));
-    out.all_or_nothing(|out| message_writer::write_message(message, out))
+    out.all_or_nothing(|out| message_writer::write_message(message, options, out))
 }
 
 /// Reads the envelope (SC00088D section 2) at the beginning of the input, and tells where its
 /// payload begins.
 pub fn decode_envelope(bytes: &Bytes, limits: &Limits) -> Result<(Envelope, usize), DecodeError> {
     let mut reader = Reader::new(bytes, limits);
-    let envelope = reader.envelope()?;
+    let mut envelope = Envelope::default();
+    reader.envelope(&mut envelope)?;
     Ok((envelope, reader.position()))
 }
 
@@ -92,7 +104,17 @@ pub fn decode_letter_prefix(
 /// Appends a letter (SC00088D section 2): its overlays from the newest to the oldest, its base and
 /// its payload. On an error `out` is as before.
 pub fn encode_letter(letter: &Letter, out: &mut Output) -> Result<(), EncodeError> {
-    encode_envelope(&letter.envelope, out)?;
+    encode_letter_as(Dialect::Standard, letter, out)
+}
+
+/// Appends a letter (SC00088D section 2) as a peer needs it; on an error `out` is as before. The
+/// payload is not touched.
+pub fn encode_letter_as(
+    dialect: Dialect,
+    letter: &Letter,
+    out: &mut Output,
+) -> Result<(), EncodeError> {
+    encode_envelope_as(dialect, &letter.envelope, letter.payload.len(), out)?;
     out.put_shared(&letter.payload);
     Ok(())
 }
@@ -103,19 +125,32 @@ pub fn encode_letter(letter: &Letter, out: &mut Output) -> Result<(), EncodeErro
 /// The base must have its representation and its date, no overlay can have a date, and no date
 /// can be relative.
 pub fn encode_envelope(envelope: &Envelope, out: &mut Output) -> Result<(), EncodeError> {
+    encode_envelope_as(Dialect::Standard, envelope, 0, out)
+}
+
+/// Appends an envelope (SC00088D section 2) as a peer needs it; on an error `out` is as before.
+///
+/// `payload` counts the octets that will follow: some peers need the length where the envelope
+/// does not state it.
+pub fn encode_envelope_as(
+    dialect: Dialect,
+    envelope: &Envelope,
+    payload: usize,
+    out: &mut Output,
+) -> Result<(), EncodeError> {
+    let options = dialect.bit_efficient();
+    let payload = overlay::count(payload);
     out.reserve(ENVELOPE);
     out.all_or_nothing(|out| {
-        for overlay in envelope.overlays.iter().rev() {
-            envelope_writer::write_overlay(overlay, out.buffer())?;
-        }
-        envelope_writer::write_base(&envelope.base, out.buffer())
+        envelope_writer::write_envelope(envelope, payload, options, out.buffer())
     })
 }
 
 /// Appends one overlay (SC00088D section 2.2): what a message transport service puts in front of
 /// the letter that it received. On an error `out` is as before.
 pub fn encode_overlay(overlay: &Slots, out: &mut Output) -> Result<(), EncodeError> {
-    out.all_or_nothing(|out| envelope_writer::write_overlay(overlay, out.buffer()))
+    let options = &WriteOptions::STRICT;
+    out.all_or_nothing(|out| envelope_writer::write_overlay(overlay, 0, options, out.buffer()))
 }
 
 /// Octets of an ordinary envelope.

@@ -3,26 +3,8 @@ use fipa_acl::Text;
 
 use crate::EncodeError;
 
-/// BinWord of SC00069G.
-pub(super) fn write_word(
-    text: &Text,
-    parameter: &'static str,
-    out: &mut BytesMut,
-) -> Result<(), EncodeError> {
-    if !text.is_word() {
-        return Err(EncodeError {
-            parameter,
-            what: "not a word",
-        });
-    }
-    out.put_u8(0x10);
-    out.put_slice(text.as_bytes());
-    out.put_u8(0);
-    Ok(())
-}
-
-/// The name of a user-defined parameter as a BinWord, with the `X-` that marks it.
-pub(super) fn write_user_name(name: &str, out: &mut BytesMut) -> Result<(), EncodeError> {
+/// The name of a user-defined parameter as it follows `X-` in a BinWord.
+pub(super) fn user_name(name: &str) -> Result<&str, EncodeError> {
     let name = without_prefix(name);
     let fits = |octet| matches!(octet, 0x21..=0x7f) && !matches!(octet, b'(' | b')');
     if name.is_empty() || !name.bytes().all(fits) {
@@ -31,10 +13,7 @@ pub(super) fn write_user_name(name: &str, out: &mut BytesMut) -> Result<(), Enco
             what: "the name is not a word",
         });
     }
-    out.put_slice(b"\x10X-");
-    out.put_slice(name.as_bytes());
-    out.put_u8(0);
-    Ok(())
+    Ok(name)
 }
 
 /// A name is kept without its prefix, but its field can be set by anybody.

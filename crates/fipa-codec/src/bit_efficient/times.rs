@@ -1,11 +1,25 @@
 use bytes::{BufMut, BytesMut};
-use fipa_acl::{CivilTime, FipaTime, Relative, Text, Zone};
+use fipa_acl::{CivilTime, FipaTime, Relative, Zone};
 
+use super::options::WriteOptions;
 use super::reader::Reader;
 use crate::{DecodeError, EncodeError, Fault};
 
-/// What a nibble of Digits (SC00069G, note on coded numbers) stands for; 0 for none.
-const CHARACTERS: [u8; 16] = *b"\x000123456789\x00+E-.";
+/// The number below 100 that stands in an octet as two digits, for every octet.
+const PAIRS: [u8; 256] = pairs();
+
+/// No two digits; its highest bit is that of no number below 100.
+const NO_PAIR: u8 = 0x80;
+
+const fn pairs() -> [u8; 256] {
+    let mut pairs = [NO_PAIR; 256];
+    let mut number = 0;
+    while number < 100 {
+        pairs[(number as usize / 10 + 1) << 4 | (number as usize % 10 + 1)] = number;
+        number += 1;
+    }
+    pairs
+}
 
 const HOUR: i64 = 3_600_000;
 
@@ -21,7 +35,8 @@ pub(super) fn read_time(reader: &mut Reader<'_>) -> Result<FipaTime, DecodeError
         fault,
         what,
     };
-    let fields = Fields::of(reader.array()?).ok_or(wrong(Fault::Malformed, "not digits"))?;
+    let fields =
+        Fields::of(reader.array()?).ok_or_else(|| wrong(Fault::Malformed, "not digits"))?;
     let (offset, zone) = match code {
         0x24..=0x26 => zone(reader)?,
         _ => (0, Zone::Unspecified),
@@ -31,7 +46,7 @@ pub(super) fn read_time(reader: &mut Reader<'_>) -> Result<FipaTime, DecodeError
         0x21 | 0x25 => fields.relative(false),
         _ => fields.relative(true),
     };
-    time.ok_or(wrong(Fault::Violation, "no such date"))
+    time.ok_or_else(|| wrong(Fault::Violation, "no such date"))
 }
 
 /// What a zone letter adds to UTC, in milliseconds. `J` is the local time of somebody.
@@ -52,8 +67,28 @@ fn zone(reader: &mut Reader<'_>) -> Result<(i64, Zone), DecodeError> {
 struct Fields([u16; 7]);
 
 impl Fields {
-    /// Peers put the padding of a field in front of its digits or behind them.
     fn of(octets: [u8; 9]) -> Option<Fields> {
+        Fields::of_usual(octets).or_else(|| Fields::of_padded(octets))
+    }
+
+    /// All digits, with the padding where nearly everybody puts it: behind the milliseconds.
+    #[inline]
+    fn of_usual(octets: [u8; 9]) -> Option<Fields> {
+        let pairs = octets.map(|octet| PAIRS.get(usize::from(octet)).copied().unwrap_or(NO_PAIR));
+        let [y1, y2, month, day, hour, minute, second, m1, _] = pairs.map(u16::from);
+        let [.., last] = octets;
+        let m2 = u16::from(last >> 4);
+        let all = pairs.iter().take(8).fold(0, |all, pair| all | pair);
+        if all & NO_PAIR != 0 || last & 15 != 0 || !(1..=10).contains(&m2) {
+            return None;
+        }
+        let (year, millis) = (y1 * 100 + y2, m1 * 10 + m2 - 1);
+        Some(Fields([year, month, day, hour, minute, second, millis]))
+    }
+
+    /// Peers put the padding of a field in front of its digits or behind them.
+    #[cold]
+    fn of_padded(octets: [u8; 9]) -> Option<Fields> {
         let [y1, y2, month, day, hour, minute, second, m1, m2] = octets;
         Some(Fields([
             field(&[y1, y2])?,
@@ -100,14 +135,19 @@ impl Fields {
 }
 
 /// The number in up to four digits; padding nibbles are skipped.
+#[inline]
 fn field(octets: &[u8]) -> Option<u16> {
-    let nibbles = octets.iter().flat_map(|octet| [octet >> 4, octet & 15]);
-    let mut digits = nibbles.filter(|nibble| *nibble != 0).peekable();
-    digits.peek()?;
-    digits.try_fold(0, |number, nibble| match nibble {
-        1..=10 => Some(number * 10 + u16::from(nibble) - 1),
-        _ => None,
-    })
+    let mut number = 0;
+    let mut digits = 0;
+    for nibble in octets.iter().flat_map(|octet| [octet >> 4, octet & 15]) {
+        match nibble {
+            0 => continue,
+            1..=10 => number = number * 10 + u16::from(nibble) - 1,
+            _ => return None,
+        }
+        digits += 1;
+    }
+    (digits > 0).then_some(number)
 }
 
 /// Whether the year has four digits.
@@ -115,10 +155,11 @@ fn is_writable(unix_millis: i64) -> bool {
     FipaTime::from_unix_millis(unix_millis).unix_millis() == Some(unix_millis)
 }
 
-/// A point in time in UTC with its zone letter, or a span.
+/// A point in time in UTC, or a span.
 pub(super) fn write_time(
     time: &FipaTime,
     parameter: &'static str,
+    options: &WriteOptions,
     out: &mut BytesMut,
 ) -> Result<(), EncodeError> {
     let wrong = |what| EncodeError { parameter, what };
@@ -127,19 +168,25 @@ pub(super) fn write_time(
             Err(wrong("the year is not within 0000 and 9999"))
         }
         FipaTime::Absolute { unix_millis, .. } => {
-            write_absolute(*unix_millis, out);
+            write_absolute(*unix_millis, options, out);
             Ok(())
         }
         FipaTime::Relative(span) => write_relative(span, out).map_err(wrong),
     }
 }
 
-fn write_absolute(unix_millis: i64, out: &mut BytesMut) {
+fn write_absolute(unix_millis: i64, options: &WriteOptions, out: &mut BytesMut) {
     let t = CivilTime::from_unix_millis(unix_millis);
     let days = [t.month, t.day, t.hour, t.minute, t.second];
-    out.put_u8(0x24);
-    out.put_slice(&coded_fields(t.year, days, t.millis));
-    out.put_u8(b'Z');
+    let fields = coded_fields(t.year, days, t.millis);
+    let [y1, y2, month, day, hour, minute, second, m1, m2] = fields;
+    if options.zone_letter {
+        out.put_slice(&[0x24, y1, y2, month, day, hour, minute, second, m1, m2, b'Z']);
+    } else {
+        // Who writes no zone writes a zero in front of the milliseconds.
+        let (m1, m2) = (0x10 | m1 >> 4, m1 << 4 | m2 >> 4);
+        out.put_slice(&[0x20, y1, y2, month, day, hour, minute, second, m1, m2]);
+    }
 }
 
 fn write_relative(span: &Relative, out: &mut BytesMut) -> Result<(), &'static str> {
@@ -160,108 +207,30 @@ fn write_relative(span: &Relative, out: &mut BytesMut) -> Result<(), &'static st
 
 /// The padding of the three digits of the milliseconds is last, which all peers read.
 fn coded_fields(year: u16, [month, day, hour, minute, second]: [u8; 5], millis: u16) -> [u8; 9] {
-    let pair = |number: u16| digit(number / 10) << 4 | digit(number);
     [
         pair(year / 100),
-        pair(year),
+        pair(year % 100),
         pair(month.into()),
         pair(day.into()),
         pair(hour.into()),
         pair(minute.into()),
         pair(second.into()),
         pair(millis / 10),
-        digit(millis) << 4,
+        pair(millis % 10) << 4,
     ]
 }
 
-/// The nibble of the last decimal digit.
-fn digit(number: u16) -> u8 {
-    let [nibble, _] = (number % 10 + 1).to_le_bytes();
-    nibble
-}
-
-/// Digits of SC00069G as text.
-pub(super) fn read_number(reader: &mut Reader<'_>) -> Result<Text, DecodeError> {
-    let mut text = String::new();
-    read_digits(reader, |character| {
-        text.push(char::from(character));
-        Some(())
-    })?;
-    Ok(Text::from(text))
-}
-
-/// Digits as a count.
-pub(super) fn read_count(reader: &mut Reader<'_>) -> Result<u64, DecodeError> {
-    let mut count = 0_u64;
-    read_digits(reader, |character| {
-        let digit = char::from(character).to_digit(10)?;
-        count = count.checked_mul(10)?.checked_add(u64::from(digit))?;
-        Some(())
-    })?;
-    Ok(count)
-}
-
-/// Hands over each character; `None` refuses it. The low nibble of the last octet is 0.
-fn read_digits(
-    reader: &mut Reader<'_>,
-    mut take: impl FnMut(u8) -> Option<()>,
-) -> Result<(), DecodeError> {
-    let start = reader.position();
-    let mut empty = true;
-    loop {
-        let octet = reader.octet()?;
-        for nibble in [octet >> 4, octet & 15] {
-            if nibble == 0 {
-                continue;
-            }
-            let character = CHARACTERS.get(usize::from(nibble)).copied();
-            let known = character.filter(|character| *character != 0);
-            known.and_then(&mut take).ok_or(DecodeError {
-                offset: reader.position() - 1,
-                fault: Fault::Malformed,
-                what: "not a digit of such a number",
-            })?;
-            empty = false;
+/// A number below 100 as two digits in an octet.
+#[inline]
+fn pair(number: u16) -> u8 {
+    const CODED: [u8; 100] = {
+        let mut coded = [0; 100];
+        let mut number = 0_u8;
+        while number < 100 {
+            coded[number as usize] = (number / 10 + 1) << 4 | (number % 10 + 1);
+            number += 1;
         }
-        if octet & 15 == 0 {
-            break;
-        }
-    }
-    if empty {
-        return Err(DecodeError {
-            offset: start,
-            fault: Fault::Malformed,
-            what: "a number without digits",
-        });
-    }
-    Ok(())
-}
-
-/// Whether the text can be written in Digits without changing it.
-pub(super) fn is_number(text: &str) -> bool {
-    !text.is_empty() && text.bytes().all(|character| nibble(character).is_some())
-}
-
-/// Writes Digits: two a nibble, the last low nibble is 0. Only what [`is_number`].
-pub(super) fn write_digits(text: &[u8], out: &mut BytesMut) {
-    let mut nibbles = text.iter().filter_map(|character| nibble(*character));
-    while let Some(high) = nibbles.next() {
-        match nibbles.next() {
-            Some(low) => out.put_u8(high << 4 | low),
-            None => return out.put_u8(high << 4),
-        }
-    }
-    out.put_u8(0);
-}
-
-/// `e` has the nibble of `E`: the number is the same, its text is not.
-fn nibble(character: u8) -> Option<u8> {
-    Some(match character {
-        b'0'..=b'9' => character - b'0' + 1,
-        b'+' => 0xc,
-        b'e' | b'E' => 0xd,
-        b'-' => 0xe,
-        b'.' => 0xf,
-        _ => return None,
-    })
+        coded
+    };
+    CODED.get(usize::from(number)).copied().unwrap_or_default()
 }
