@@ -26,7 +26,7 @@ struct Reserved {
     to: &'static [&'static [&'static str]],
 }
 
-const RESERVED_WORDS: [Reserved; 4] = [
+const RESERVED_WORDS: [Reserved; 5] = [
     Reserved {
         words: SOCKET_TYPES,
         to: &[SOCKETS, TESTS],
@@ -41,15 +41,23 @@ const RESERVED_WORDS: [Reserved; 4] = [
         to: &[&["fipa-dsd"]],
     },
     Reserved {
+        words: &["quick_xml"],
+        to: &[&["fipa-codec"]],
+    },
+    Reserved {
         words: &["serde_json", "toml::"],
         to: &[PROGRAMS, TESTS],
     },
 ];
 
-const RESERVED_DEPENDENCIES: [Reserved; 3] = [
+const RESERVED_DEPENDENCIES: [Reserved; 4] = [
     Reserved {
         words: &["mdns-sd"],
         to: &[&["fipa-dsd"]],
+    },
+    Reserved {
+        words: &["quick-xml"],
+        to: &[&["fipa-codec"]],
     },
     Reserved {
         words: &["serde", "serde_json", "toml"],

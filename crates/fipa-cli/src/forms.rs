@@ -9,6 +9,7 @@ mod writing;
 use clap::ValueEnum;
 use fipa_acl::{Envelope, Representation, Slots};
 use fipa_codec::EnvelopeRepresentation;
+use fipa_codec::bit_efficient::{CodeTable, InvalidTableSize};
 
 pub use reading::{Decoder, Expected, Item, behind_blanks};
 pub use writing::Encoder;
@@ -49,6 +50,26 @@ impl From<EnvelopeRep> for EnvelopeRepresentation {
             EnvelopeRep::BitEfficient => EnvelopeRepresentation::BitEfficient,
             EnvelopeRep::Xml => EnvelopeRepresentation::Xml,
         }
+    }
+}
+
+/// The option for a code table.
+#[derive(Clone, Debug, clap::Args)]
+pub struct TableArgs {
+    /// Keep one code table of so many entries over all bit-efficient messages
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(256..=65_536))]
+    code_table: Option<u32>,
+}
+
+impl TableArgs {
+    /// The table, empty, if one is wanted.
+    ///
+    /// # Errors
+    /// No table can have so many entries.
+    pub fn table(&self) -> Result<Option<CodeTable>, InvalidTableSize> {
+        self.code_table
+            .map(|entries| CodeTable::new(usize::try_from(entries).unwrap_or(usize::MAX)))
+            .transpose()
     }
 }
 

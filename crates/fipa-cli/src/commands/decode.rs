@@ -9,7 +9,7 @@ use fipa_codec::{DecodeError, EnvelopeRepresentation};
 use fipa_json::{letter_to_json, message_to_json, raw_letter_to_json};
 use serde_json::Value;
 
-use crate::forms::{self, Decoder, Expected, Item, Rep};
+use crate::forms::{self, Decoder, Expected, Item, Rep, TableArgs};
 use crate::{Failure, streams};
 
 /// The options of `fipa decode`.
@@ -24,6 +24,8 @@ pub struct Args {
     /// Show the envelopes of a letter one by one, and its payload unopened
     #[arg(long)]
     pub raw: bool,
+    #[command(flatten)]
+    table: TableArgs,
     /// What to decode; - is standard input
     #[arg(default_value = "-")]
     pub file: PathBuf,
@@ -45,10 +47,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// what the options insist on, and for an input without any message. The lines before it are
 /// written.
 pub fn decode(input: &Bytes, args: &Args, output: &mut dyn Write) -> Result<(), Failure> {
-    let mut decoder = Decoder::new(Expected {
+    let expected = Expected {
         rep: args.rep,
         letter: args.envelope,
-    });
+    };
+    let table = args.table.table().map_err(Failure::malformed)?;
+    let mut decoder = Decoder::new(expected, table);
     let mut at = forms::behind_blanks(input, 0);
     if at == input.len() {
         return Err(Failure::malformed("no message in the input"));
@@ -57,7 +61,10 @@ pub fn decode(input: &Bytes, args: &Args, output: &mut dyn Write) -> Result<(), 
         let (item, end) = decoder.item(input, at)?;
         let json = match item {
             Item::Message(message) => message_to_json(&message),
-            Item::Letter { letter, rep } if args.raw => raw_letter_json(&letter, rep),
+            Item::Letter { letter, rep } if args.raw => {
+                decoder.learn(&letter);
+                raw_letter_json(&letter, rep)
+            }
             Item::Letter { letter, .. } => letter_json(&mut decoder, &letter, end)?,
         };
         writeln!(output, "{json}")?;

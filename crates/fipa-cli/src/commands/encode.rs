@@ -10,7 +10,7 @@ use fipa_json::{Body, EnvelopeForm, JsonError, LetterForm};
 use fipa_json::{envelope_for, letter_from_json, message_from_json};
 use serde_json::{Deserializer, Value};
 
-use crate::forms::{Encoder, EnvelopeRep, Rep};
+use crate::forms::{Encoder, EnvelopeRep, Rep, TableArgs};
 use crate::{Failure, streams};
 
 /// The options of `fipa encode`.
@@ -22,6 +22,8 @@ pub struct Args {
     /// Write letters whose envelopes are in this representation
     #[arg(long, value_name = "REP")]
     pub envelope: Option<EnvelopeRep>,
+    #[command(flatten)]
+    table: TableArgs,
     /// JSON values to encode, one a line or just one after the other; - is standard input
     #[arg(default_value = "-")]
     pub file: PathBuf,
@@ -49,7 +51,8 @@ pub fn encode(
     output: &mut dyn Write,
 ) -> Result<(), Failure> {
     let mut values = Deserializer::from_slice(input).into_iter::<Value>();
-    let mut encoder = Encoder::new(args.rep);
+    let table = args.table.table().map_err(Failure::malformed)?;
+    let mut encoder = Encoder::new(args.rep, table);
     let mut octets = Output::new();
     loop {
         let start = values.byte_offset();

@@ -1,5 +1,6 @@
 use bytes::Bytes;
 use fipa_acl::{Letter, Message, Representation};
+use fipa_codec::bit_efficient::{self, CodeTable};
 use fipa_codec::{DecodeError, EnvelopeRepresentation, Fault, Form, Limits};
 use fipa_json::Body;
 
@@ -32,14 +33,16 @@ pub enum Item {
 #[derive(Debug, Default)]
 pub struct Decoder {
     expected: Expected,
+    table: Option<CodeTable>,
     limits: Limits,
 }
 
 impl Decoder {
-    /// A decoder that insists on this.
-    pub fn new(expected: Expected) -> Decoder {
+    /// A decoder that insists on this; the table is that of all bit-efficient messages.
+    pub fn new(expected: Expected, table: Option<CodeTable>) -> Decoder {
         Decoder {
             expected,
+            table,
             limits: Limits::default(),
         }
     }
@@ -81,6 +84,15 @@ impl Decoder {
         }
     }
 
+    /// Lets the code table learn what the message of a letter adds to it: whoever shows the payload
+    /// unopened must do so, or what follows cannot be read.
+    pub fn learn(&mut self, letter: &Letter) {
+        if self.table.is_some() {
+            // What is wrong in it is not asked for here, and spoils only what uses the table.
+            let _ = self.payload(letter, 0);
+        }
+    }
+
     fn first(&mut self, input: &Bytes) -> Result<(Item, usize), DecodeError> {
         if let Some(rep) = EnvelopeRepresentation::detect(input) {
             let (letter, len) = fipa_codec::decode_letter_prefix(input, &self.limits)?;
@@ -103,7 +115,12 @@ impl Decoder {
         representation: &Representation,
         input: &Bytes,
     ) -> Result<(Message, usize), DecodeError> {
-        fipa_codec::decode_message_prefix(representation, input, &self.limits)
+        match &mut self.table {
+            Some(table) if uses_table(representation, input) => {
+                bit_efficient::decode_message_prefix_with(input, &self.limits, table)
+            }
+            _ => fipa_codec::decode_message_prefix(representation, input, &self.limits),
+        }
     }
 
     /// Where the envelope says how long the payload is, nothing is lost by what stands behind the
@@ -114,14 +131,23 @@ impl Decoder {
         representation: &Representation,
     ) -> Result<Message, DecodeError> {
         let Letter { envelope, payload } = letter;
-        let (message, len) =
-            fipa_codec::decode_payload_as(representation, envelope, payload, &self.limits)?;
+        let (message, len) = match self.table {
+            Some(_) if uses_table(representation, payload) => {
+                self.message(representation, payload)?
+            }
+            _ => fipa_codec::decode_payload_as(representation, envelope, payload, &self.limits)?,
+        };
         let end = behind_blanks(payload, len);
         if end < payload.len() && envelope.payload_length().is_none() {
             return Err(malformed(end, "something follows the message"));
         }
         Ok(message)
     }
+}
+
+/// Whether a code table is in use for what begins here.
+fn uses_table(representation: &Representation, octets: &[u8]) -> bool {
+    *representation == Representation::BitEfficient && matches!(octets, [0xfb | 0xfc, ..])
 }
 
 /// Where what follows the white space at `at` begins, be that in UTF-8 or UTF-16.

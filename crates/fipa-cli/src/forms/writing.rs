@@ -1,5 +1,6 @@
 use bytes::Bytes;
 use fipa_acl::{Envelope, Letter, Message, Representation};
+use fipa_codec::bit_efficient::{self, CodeTable};
 use fipa_codec::{EncodeError, EnvelopeRepresentation, Output};
 use fipa_json::{Body, EnvelopeForm, LetterForm};
 
@@ -9,13 +10,16 @@ use super::{EnvelopeRep, Rep, envelope_of_layers};
 #[derive(Debug)]
 pub struct Encoder {
     representation: Representation,
+    table: Option<CodeTable>,
 }
 
 impl Encoder {
-    /// An encoder of messages in this representation.
-    pub fn new(rep: Rep) -> Encoder {
+    /// An encoder of messages in this representation; the table is that of all bit-efficient
+    /// messages.
+    pub fn new(rep: Rep, table: Option<CodeTable>) -> Encoder {
         Encoder {
             representation: rep.into(),
+            table,
         }
     }
 
@@ -24,7 +28,12 @@ impl Encoder {
     /// # Errors
     /// A parameter cannot be written in this representation.
     pub fn message(&mut self, message: &Message, output: &mut Output) -> Result<(), EncodeError> {
-        fipa_codec::encode_message(&self.representation, message, output)
+        match (&self.representation, &mut self.table) {
+            (Representation::BitEfficient, Some(table)) => {
+                bit_efficient::encode_message_with(message, table, output)
+            }
+            (representation, _) => fipa_codec::encode_message(representation, message, output),
+        }
     }
 
     /// Appends a letter, encoding its message if it is not a payload already.

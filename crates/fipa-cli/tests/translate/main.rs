@@ -1,6 +1,7 @@
 //! `fipa decode` and `fipa encode`, on octets in memory.
 
 mod charsets;
+mod code_tables;
 mod decode;
 mod encode;
 mod forms;

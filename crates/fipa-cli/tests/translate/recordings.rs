@@ -310,7 +310,8 @@ fn files(folder: &str, end: &str) -> Vec<PathBuf> {
     files
 }
 
-fn read(name: &str) -> Vec<u8> {
+/// The octets of a recording.
+pub(crate) fn read(name: &str) -> Vec<u8> {
     let path = vectors().join(name);
     std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
