@@ -73,8 +73,8 @@ impl Mts {
         }
         let deadline = now.mono + timeout.min(self.config.longest_wait);
         let pending = self.open_pending(origin, &resolved, |resolved| resolved.to.name.clone());
-        for (slot, Resolved { to, route }) in resolved.into_iter().enumerate() {
-            self.start(now, pending, slot, &inbound, to, route, deadline);
+        for (slot, resolved) in resolved.into_iter().enumerate() {
+            self.start(now, pending, slot, &inbound, resolved, deadline);
         }
     }
 
@@ -173,15 +173,13 @@ impl Mts {
         (record.source != Source::Local).then_some(Route::Peer(record.owner))
     }
 
-    #[allow(clippy::too_many_arguments)] // One call; the parts of one decision.
     fn start(
         &mut self,
         now: Now,
         pending: u64,
         slot: usize,
         inbound: &Inbound,
-        to: AgentId,
-        route: Route,
+        Resolved { to, route }: Resolved,
         deadline: Duration,
     ) {
         let name = to.name.clone();
@@ -227,12 +225,13 @@ impl Mts {
             envelope,
             payload: inbound.payload.clone(),
         };
-        let taken = match self.locals.get_mut(name) {
-            Some(Local::Mailbox(mailbox)) => mailbox.push(letter),
-            _ => Ok(()),
-        };
         let via = Some(Text::from_static("local"));
-        match taken {
+        let Some(Local::Mailbox(mailbox)) = self.locals.get_mut(name) else {
+            let reason = Text::from_static("the agent is not registered any more");
+            self.settle(now, pending, slot, Outcome::Unknown, None, reason);
+            return;
+        };
+        match mailbox.push(letter) {
             Ok(()) => {
                 self.outputs.push_back(Output::Mail(name.clone()));
                 self.settle(now, pending, slot, Outcome::Delivered, via, Text::default());
