@@ -9,4 +9,5 @@ mod echo;
 mod listen;
 mod ping;
 mod send;
+mod text;
 mod translate;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-use crate::commands::{agents, attach, decode, echo, encode, listen, ping, send};
+use crate::commands::{agents, attach, decode, echo, encode, listen, ping, send, text};
 use crate::{Failure, streams};
 
 /// The command line of `fipa`.
@@ -42,6 +42,8 @@ pub enum Command {
     Ping(ping::Args),
     /// Send a message, and say what became of it
     Send(Box<send::Args>),
+    /// Read and write the text format of small robots
+    Text(text::Args),
 }
 
 impl Command {
@@ -56,6 +58,7 @@ impl Command {
             Command::Listen(_) => "listen",
             Command::Ping(_) => "ping",
             Command::Send(_) => "send",
+            Command::Text(_) => "text",
         }
     }
 
@@ -69,6 +72,7 @@ impl Command {
             Command::Listen(args) => listen::run(args),
             Command::Ping(args) => ping::run(args),
             Command::Send(args) => send::run(args),
+            Command::Text(args) => text::run(args),
         }
     }
 }

@@ -16,6 +16,7 @@ mod cli;
 pub mod commands;
 mod exit;
 pub mod forms;
+mod json_values;
 mod streams;
 
 pub use cli::{Cli, Command, main, run};

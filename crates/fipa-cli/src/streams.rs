@@ -16,7 +16,7 @@ pub(crate) fn read_input(path: &Path) -> Result<Bytes, Failure> {
         std::fs::read(path)
     };
     read.map(Bytes::from)
-        .map_err(|error| Failure::environment(format_args!("{}: {error}", path.display())))
+        .map_err(|error| unreadable(path, &error))
 }
 
 /// Lets `write` write to standard output. What it wrote before it failed is written.
@@ -27,4 +27,33 @@ pub(crate) fn write_output(
     let result = write(&mut output);
     let flushed = output.flush().map_err(Failure::from);
     result.and(flushed)
+}
+
+/// A file, or standard input for `-`, to be read as it comes.
+pub(crate) fn open_input(path: &Path) -> Result<Box<dyn Read>, Failure> {
+    if path == Path::new("-") {
+        return Ok(Box::new(io::stdin().lock()));
+    }
+    match std::fs::File::open(path) {
+        Ok(file) => Ok(Box::new(file)),
+        Err(error) => Err(unreadable(path, &error)),
+    }
+}
+
+/// Reads what is there; nothing at the end.
+pub(crate) fn read_some(input: &mut impl Read, chunk: &mut [u8]) -> Result<usize, Failure> {
+    loop {
+        match input.read(chunk) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => {
+                let line = format_args!("the input breaks off: {error}");
+                return Err(Failure::environment(line));
+            }
+            Ok(count) => return Ok(count),
+        }
+    }
+}
+
+fn unreadable(path: &Path, error: &io::Error) -> Failure {
+    Failure::environment(format_args!("{}: {error}", path.display()))
 }

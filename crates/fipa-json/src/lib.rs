@@ -1,4 +1,4 @@
-//! The JSON forms of messages and letters that programs script.
+//! The JSON forms of messages, letters and what passes inside a robot, which programs script.
 //!
 //! **Knows** which key stands for which parameter, how octets, dates, expressions and
 //! user-defined names look in JSON, and which value is wrong in what a program wrote.
@@ -32,6 +32,7 @@ mod error;
 mod letter;
 mod message;
 mod reader;
+mod robot_text;
 mod values;
 
 pub use agent_id::{agent_id_from_json, agent_id_to_json};
@@ -42,3 +43,4 @@ pub use letter::{
     raw_letter_to_json,
 };
 pub use message::{message_from_json, message_to_json};
+pub use robot_text::{text_from_json, text_to_json, unreadable_text_to_json};

@@ -24,6 +24,13 @@ pub(crate) fn base64_to_json(octets: &[u8]) -> Value {
     json!({"base64": STANDARD.encode(octets)})
 }
 
+/// Two lower-case digits for each octet.
+pub(crate) fn hexadecimal(octets: &[u8]) -> String {
+    let digit = |value: u8| char::from(b"0123456789abcdef"[usize::from(value)]);
+    let digits = |octet: &u8| [digit(octet >> 4), digit(octet & 15)];
+    octets.iter().flat_map(digits).collect()
+}
+
 /// User-defined parameters as an object; of a name that is there twice the last value is shown.
 pub(crate) fn user_defined_to_json<V: ToString>(
     parameters: impl IntoIterator<Item = (impl AsRef<str>, V)>,

@@ -8,9 +8,10 @@ use fipa_acl::FipaTime;
 use fipa_codec::{EncodeError, Output};
 use fipa_json::{Body, EnvelopeForm, JsonError, LetterForm};
 use fipa_json::{envelope_for, letter_from_json, message_from_json};
-use serde_json::{Deserializer, Value};
+use serde_json::Value;
 
 use crate::forms::{Encoder, EnvelopeRep, Rep, TableArgs};
+use crate::json_values::JsonValues;
 use crate::{Failure, streams};
 
 /// The options of `fipa encode`.
@@ -50,23 +51,18 @@ pub fn encode(
     now: FipaTime,
     output: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let mut values = Deserializer::from_slice(input).into_iter::<Value>();
     let table = args.table.table().map_err(Failure::malformed)?;
     let mut encoder = Encoder::new(args.rep, table);
     let mut octets = Output::new();
-    loop {
-        let start = values.byte_offset();
-        let value = match values.next() {
-            Some(Ok(value)) => value,
-            Some(Err(error)) => return Err(syntax(&error)),
-            None => return Ok(()),
-        };
+    for value in JsonValues::new(input) {
+        let (position, value) = value?;
         encode_value(&value, args.envelope, now, &mut encoder, &mut octets)
-            .map_err(|error| Failure::malformed(format!("{}: {error}", position(input, start))))?;
+            .map_err(|error| Failure::malformed(format!("{position}: {error}")))?;
         for part in octets.take().parts() {
             output.write_all(part)?;
         }
     }
+    Ok(())
 }
 
 /// Why a JSON value cannot be encoded.
@@ -112,29 +108,6 @@ fn letter_of_message(value: &Value, now: FipaTime) -> Result<LetterForm, JsonErr
         envelope: EnvelopeForm::Flattened(Box::new(envelope_for(&message, now))),
         body: Body::Message(Box::new(message)),
     })
-}
-
-fn syntax(error: &serde_json::Error) -> Failure {
-    let (line, column) = (error.line(), error.column());
-    let said = error.to_string();
-    let what = said
-        .strip_suffix(&format!(" at line {line} column {column}"))
-        .unwrap_or(&said);
-    Failure::malformed(format_args!("{line}:{column}: {what}"))
-}
-
-/// Where the value behind `start` begins, as `line:column`, both from 1 on; columns are octets, as
-/// they are in errors of syntax.
-fn position(input: &[u8], start: usize) -> String {
-    let rest = &input[start..];
-    let blanks = rest.len() - rest.trim_ascii_start().len();
-    let before = &input[..start + blanks];
-    let line_start = before
-        .iter()
-        .rposition(|b| *b == b'\n')
-        .map_or(0, |at| at + 1);
-    let line = before.iter().filter(|b| **b == b'\n').count() + 1;
-    format!("{line}:{}", before.len() - line_start + 1)
 }
 
 fn now() -> FipaTime {

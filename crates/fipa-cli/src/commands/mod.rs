@@ -9,3 +9,4 @@ pub mod encode;
 pub mod listen;
 pub mod ping;
 pub mod send;
+pub mod text;
