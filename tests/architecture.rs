@@ -11,7 +11,13 @@ const TESTS: &[&str] = &["fipa-sim", "fipa-benches"];
 const PROGRAMS: &[&str] = &["fipa-programs", "fipa-daemon", "fipa-cli", "fipa-json"];
 const DOOR: &[&str] = &["fipa"];
 const SOCKETS: &[&str] = &["fipa-transport", "fipa-dsd"];
-const MACHINES: &[&str] = &["fipa-mts", "fipa-link", "fipa-directory", "robot-text"];
+const MACHINES: &[&str] = &[
+    "fipa-mts",
+    "fipa-link",
+    "fipa-directory",
+    "hiac",
+    "robot-text",
+];
 const DATA: &[&str] = &["fipa-codec", "fipa-acl"];
 
 #[rustfmt::skip]

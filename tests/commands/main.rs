@@ -6,6 +6,7 @@ mod support;
 mod agents;
 mod attach;
 mod echo;
+mod hiac;
 mod listen;
 mod ping;
 mod send;

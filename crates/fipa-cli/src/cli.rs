@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-use crate::commands::{agents, attach, decode, echo, encode, listen, ping, send, text};
+use crate::commands::{agents, attach, decode, echo, encode, hiac, listen, ping, send, text};
 use crate::{Failure, streams};
 
 /// The command line of `fipa`.
@@ -36,6 +36,8 @@ pub enum Command {
     Echo(echo::Args),
     /// Encode messages and letters given as JSON
     Encode(encode::Args),
+    /// Read and write what passes on a HIAC link
+    Hiac(hiac::Args),
     /// Be an agent that prints what it is sent
     Listen(listen::Args),
     /// Ask an agent, and measure how long the answer takes
@@ -55,6 +57,7 @@ impl Command {
             Command::Decode(_) => "decode",
             Command::Echo(_) => "echo",
             Command::Encode(_) => "encode",
+            Command::Hiac(_) => "hiac",
             Command::Listen(_) => "listen",
             Command::Ping(_) => "ping",
             Command::Send(_) => "send",
@@ -69,6 +72,7 @@ impl Command {
             Command::Decode(args) => decode::run(args),
             Command::Echo(args) => echo::run(args),
             Command::Encode(args) => encode::run(args),
+            Command::Hiac(args) => hiac::run(args),
             Command::Listen(args) => listen::run(args),
             Command::Ping(args) => ping::run(args),
             Command::Send(args) => send::run(args),

@@ -40,16 +40,24 @@ pub(crate) fn open_input(path: &Path) -> Result<Box<dyn Read>, Failure> {
     }
 }
 
-/// Reads what is there; nothing at the end.
-pub(crate) fn read_some(input: &mut impl Read, chunk: &mut [u8]) -> Result<usize, Failure> {
+/// Hands on what comes, as it comes, and nothing at the end.
+pub(crate) fn read_as_it_comes(
+    mut input: impl Read,
+    mut take: impl FnMut(&[u8]) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let mut chunk = [0; 4096];
     loop {
-        match input.read(chunk) {
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+        let count = match input.read(&mut chunk) {
+            Ok(count) => count,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
             Err(error) => {
                 let line = format_args!("the input breaks off: {error}");
                 return Err(Failure::environment(line));
             }
-            Ok(count) => return Ok(count),
+        };
+        take(&chunk[..count])?;
+        if count == 0 {
+            return Ok(());
         }
     }
 }

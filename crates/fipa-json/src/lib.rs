@@ -29,6 +29,7 @@ mod agent_id;
 mod directory;
 mod envelope;
 mod error;
+mod hiac;
 mod letter;
 mod message;
 mod reader;
@@ -38,6 +39,7 @@ mod values;
 pub use agent_id::{agent_id_from_json, agent_id_to_json};
 pub use directory::{outcome_to_json, record_to_json};
 pub use error::JsonError;
+pub use hiac::{HiacForm, hiac_from_json, hiac_to_json};
 pub use letter::{
     Body, EnvelopeForm, LetterForm, envelope_for, letter_from_json, letter_to_json,
     raw_letter_to_json,

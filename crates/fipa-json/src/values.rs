@@ -66,6 +66,28 @@ pub(crate) fn whole_number(value: &Value) -> Result<u64, JsonError> {
         .ok_or_else(|| JsonError::expected("a whole number"))
 }
 
+/// True or false.
+pub(crate) fn truth(value: &Value) -> Result<bool, JsonError> {
+    value
+        .as_bool()
+        .ok_or_else(|| JsonError::expected("true or false"))
+}
+
+/// Octets of two digits each.
+pub(crate) fn octets_of_hexadecimal(value: &Value) -> Result<Vec<u8>, JsonError> {
+    let digits = text(value)?;
+    let digit = |digit: &u8| char::from(*digit).to_digit(16);
+    digits
+        .as_bytes()
+        .chunks(2)
+        .map(|pair| match pair {
+            [high, low] => Some((digit(high)? << 4 | digit(low)?) as u8),
+            _ => None,
+        })
+        .collect::<Option<_>>()
+        .ok_or_else(|| JsonError::expected("two hexadecimal digits for each octet"))
+}
+
 /// Octets in either form.
 pub(crate) fn octets(value: &Value) -> Result<Bytes, JsonError> {
     match value {

@@ -6,6 +6,7 @@ pub mod attach;
 pub mod decode;
 pub mod echo;
 pub mod encode;
+pub mod hiac;
 pub mod listen;
 pub mod ping;
 pub mod send;

@@ -56,15 +56,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 /// # Errors
 /// Exit code 1 if something could not be read, which stands as an error in its place; exit code 3
 /// when the input breaks off.
-pub fn decode(mut input: impl Read, output: &mut dyn Write) -> Result<(), Failure> {
+pub fn decode(input: impl Read, output: &mut dyn Write) -> Result<(), Failure> {
     let mut reader = Reader::new();
     let mut unreadable = 0_u64;
-    let mut chunk = [0; 4096];
-    loop {
-        let count = streams::read_some(&mut input, &mut chunk)?;
-        match count {
-            0 => reader.end(),
-            _ => reader.push(&chunk[..count]),
+    streams::read_as_it_comes(input, |octets| {
+        match octets {
+            [] => reader.end(),
+            octets => reader.push(octets),
         }
         for read in &mut reader {
             let json = match read {
@@ -76,11 +74,8 @@ pub fn decode(mut input: impl Read, output: &mut dyn Write) -> Result<(), Failur
             };
             writeln!(output, "{json}")?;
         }
-        output.flush()?;
-        if count == 0 {
-            break;
-        }
-    }
+        Ok(output.flush()?)
+    })?;
     match unreadable {
         0 => Ok(()),
         1 => Err(Failure::no("a message could not be read")),

@@ -1,0 +1,43 @@
+//! EDCP and HIACP: how the microcontrollers inside a robot talk to their employers and to each
+//! other ("Hierarchical Inter-Agent Communication").
+//!
+//! ```text
+//!   octets of the link ─ edcp::Decoder ─▶ octets of a packet ─ Packet::decode ─▶ Packet
+//!   octets of the link ◀─ edcp::escaped ─ octets of a packet ◀─ Packet::encode ── Packet
+//! ```
+//!
+//! **Knows** how a packet is written and found again in a noisy stream. **Never knows** a socket,
+//! a clock or an allocator: it is `no_std`, works octet by octet in memory that it is given, and
+//! runs unchanged on a microcontroller and in the daemon.
+//!
+//! ```
+//! use hiac::{Addressing, Mask, Packet, PacketType, edcp};
+//!
+//! // "Signal 1" from employee 3 to employee 5, under a mask of eight bits.
+//! let mask = Mask::new(0x0000_00FF).unwrap();
+//! let addressing = Addressing::Level { target: 5, source: 3 };
+//! let packet = Packet::new(PacketType::SIG, 1, addressing, &[1]);
+//! let encoded = packet.encode(Some(mask)).unwrap();
+//! let link: Vec<u8> = edcp::escaped(encoded.octets()).collect();
+//! assert_eq!(link, [0xF8, 0x11, 0x10, 0x05, 0x03, 0x01, 0x01, 0x2B, 0xF9]);
+//! ```
+
+#![no_std]
+
+#[cfg(feature = "alloc")]
+extern crate alloc;
+
+mod address;
+mod buffer;
+pub mod edcp;
+mod packet;
+mod read;
+mod write;
+
+pub use address::{Address, AddressError, Level, Mask, MaskError};
+#[cfg(feature = "alloc")]
+pub use buffer::Growing;
+pub use buffer::{Buffer, Fixed};
+pub use packet::{Addressing, Check, Fragment, Numbered, Packet, PacketType};
+pub use read::ReadError;
+pub use write::{Encoded, WriteError};
