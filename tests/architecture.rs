@@ -15,6 +15,7 @@ const MACHINES: &[&str] = &[
     "fipa-mts",
     "fipa-link",
     "fipa-directory",
+    "fipa-gateway",
     "hiac",
     "robot-text",
 ];

@@ -206,7 +206,8 @@ fn a_question_is_forgotten_when_nobody_answers() {
     let mut platform = with(&["A", "B"]);
     receive(&mut platform, START, at(1), "{O:A;D:B;X=3;Q:x}");
     let fleet_asks = message("{O:m@fleet;D:B;X=1;Q:x}");
-    platform.send(START, fleet_asks.clone());
+    assert!(platform.send(START, fleet_asks.clone()));
+    assert!(!platform.send(START, fleet_asks.clone()));
     outputs(&mut platform);
     assert_eq!(platform.poll_timeout(), Some(Duration::from_secs(5)));
     platform.handle_timeout(Duration::from_secs(5));
@@ -226,7 +227,7 @@ fn a_question_is_forgotten_when_nobody_answers() {
 fn the_fleet_asks_and_is_answered() {
     let mut platform = with(&["B"]);
     let reference = platform.free_reference("m@fleet", "B");
-    platform.send(START, message("{O:m@fleet;D:B;X=1;Q:x}"));
+    assert!(platform.send(START, message("{O:m@fleet;D:B;X=1;Q:x}")));
     assert_eq!(reference, "1");
     assert_eq!(
         outputs(&mut platform),
@@ -238,6 +239,26 @@ fn the_fleet_asks_and_is_answered() {
         receive(&mut platform, START, at(1), answer),
         [fleet("m@fleet", answer)]
     );
+}
+
+#[test]
+fn a_question_to_the_fleet_is_answered_with_an_error_when_nobody_does() {
+    let mut platform = with(&["B"]);
+    let question = "{O:B;D:m@fleet;X=1;Q:x}";
+    assert_eq!(
+        receive(&mut platform, START, at(1), question),
+        [fleet("m@fleet", question)]
+    );
+    platform.handle_timeout(Duration::from_secs(5));
+    let unanswered = Output::Unanswered {
+        question: message(question),
+        reason: Unanswered::Silent,
+    };
+    let told = sent(
+        at(1),
+        "{O:m@fleet;D:B;X=1;R:ERROR it gave no answer in time}",
+    );
+    assert_eq!(outputs(&mut platform), [told, unanswered]);
 }
 
 #[test]
@@ -297,7 +318,7 @@ fn an_agent_is_gone_with_its_stream_and_30_s_after_its_last_datagram() {
     receive(&mut platform, START, at(1), "{O:U;S:x}");
     platform.declare_at("K", at(2)).unwrap();
     let question = message("{O:m@fleet;D:S;X=1;Q:x}");
-    platform.send(START, question.clone());
+    assert!(platform.send(START, question.clone()));
     outputs(&mut platform);
 
     platform.stream_closed(stream);

@@ -61,7 +61,8 @@ pub enum Output {
     Declared(String),
     /// An agent is not there any more.
     Gone(String),
-    /// A question of the fleet stays without an answer.
+    /// A question of the fleet, or to it, stays without an answer. An agent of the platform that
+    /// asked the fleet was told.
     Unanswered {
         /// The question.
         question: Message,
@@ -167,10 +168,12 @@ impl Platform {
     /// An agent of the fleet sends a message; a question has a
     /// [`free_reference`](Self::free_reference).
     ///
-    /// A question to an agent that is not there is answered at once with an error, anything else
-    /// is counted.
-    pub fn send(&mut self, now: Duration, message: Message) {
+    /// A question to an agent that is not there is answered at once with an error. Whether the
+    /// message was taken; if not it is counted.
+    pub fn send(&mut self, now: Duration, message: Message) -> bool {
+        let dropped = self.counters;
         self.pass_on(now, message, |_| false);
+        self.counters == dropped
     }
 
     /// A reference that no open question of this asker to this agent has.
@@ -345,20 +348,19 @@ impl Platform {
         self.reply(question, &text);
     }
 
-    /// The platform's answer, to wherever the asker is.
+    /// The platform's answer.
     fn reply(&mut self, question: &Message, text: &str) {
         let mut answer = question.answer(text);
         answer.origin = Some(PLATFORM.to_owned());
-        let asker = question.origin.clone().unwrap_or_default();
+        self.answer(answer);
+    }
+
+    /// Hands an answer to wherever the asker is.
+    fn answer(&mut self, message: Message) {
+        let asker = message.destination.clone().unwrap_or_default();
         self.outputs.push_back(match self.agents.place(&asker) {
-            Some(to) => Output::Send {
-                to,
-                message: answer,
-            },
-            None => Output::Fleet {
-                to: asker,
-                message: answer,
-            },
+            Some(to) => Output::Send { to, message },
+            None => Output::Fleet { to: asker, message },
         });
     }
 
@@ -369,13 +371,22 @@ impl Platform {
         self.outputs.push_back(Output::Gone(name));
     }
 
-    /// An agent of the robot counts the seconds itself; the fleet is told.
+    /// Between agents of the robot the asker counts the seconds itself.
     fn unanswered(&mut self, question: Message, reason: Unanswered) {
-        let asker = question.origin.as_deref().unwrap_or_default();
-        if self.agents.place(asker).is_none() {
-            self.outputs
-                .push_back(Output::Unanswered { question, reason });
+        let is_here = |name: &Option<String>| {
+            let name = name.as_deref().unwrap_or_default();
+            self.agents.place(name).is_some()
+        };
+        let asker = is_here(&question.origin);
+        if asker && is_here(&question.destination) {
+            return;
         }
+        if asker {
+            let answer = question.answer(format!("ERROR {reason}"));
+            self.answer(answer);
+        }
+        self.outputs
+            .push_back(Output::Unanswered { question, reason });
     }
 }
 
