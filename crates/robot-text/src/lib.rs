@@ -21,6 +21,8 @@
 //! assert_eq!(message.to_text().unwrap(), "{O:MAITRE;D:ESCLAVE;X=1;A:COM}");
 //! ```
 
+#[cfg(feature = "links")]
+pub mod links;
 mod message;
 mod parse;
 mod platform;

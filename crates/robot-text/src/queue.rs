@@ -2,28 +2,29 @@
 
 use std::collections::VecDeque;
 
-use crate::Message;
+/// How many urgencies there are.
+const URGENCIES: usize = 10;
 
-/// Messages that wait for one receiver: the most urgent first, equal ones as they came.
+/// What waits for one receiver: the most urgent first, equally urgent as it came.
 ///
-/// When it is full, the latest of the least urgent ones is dropped, be it the new one.
+/// When it is full, the latest of the least urgent is dropped, be it the new one.
 #[derive(Clone, Debug)]
-pub struct UrgencyQueue {
+pub struct UrgencyQueue<T> {
     /// One queue for each urgency.
-    waiting: [VecDeque<Message>; 10],
+    waiting: [VecDeque<T>; URGENCIES],
     capacity: usize,
     dropped: u64,
 }
 
-impl Default for UrgencyQueue {
+impl<T> Default for UrgencyQueue<T> {
     fn default() -> Self {
         UrgencyQueue::new(64)
     }
 }
 
-impl UrgencyQueue {
-    /// An empty queue for so many messages.
-    pub fn new(capacity: usize) -> UrgencyQueue {
+impl<T> UrgencyQueue<T> {
+    /// An empty queue for so many.
+    pub fn new(capacity: usize) -> UrgencyQueue<T> {
         UrgencyQueue {
             waiting: Default::default(),
             capacity,
@@ -31,11 +32,11 @@ impl UrgencyQueue {
         }
     }
 
-    /// Adds a message. Returns the one that had to be dropped for it, or it itself.
-    #[must_use = "a dropped message has a sender who may want to know"]
-    pub fn push(&mut self, message: Message) -> Option<Message> {
-        let urgency = usize::from(message.urgency.unwrap_or(0)).min(self.waiting.len() - 1);
-        self.waiting[urgency].push_back(message);
+    /// Adds what has this urgency; above 9 counts as 9. Returns what had to be dropped for it, or
+    /// itself.
+    #[must_use = "what is dropped has a sender who may want to know"]
+    pub fn push(&mut self, urgency: u8, item: T) -> Option<T> {
+        self.waiting[usize::from(urgency).min(URGENCIES - 1)].push_back(item);
         if self.len() <= self.capacity {
             return None;
         }
@@ -43,22 +44,22 @@ impl UrgencyQueue {
         self.waiting.iter_mut().find_map(VecDeque::pop_back)
     }
 
-    /// Takes out the one that is next.
-    pub fn pop(&mut self) -> Option<Message> {
+    /// Takes out what is next.
+    pub fn pop(&mut self) -> Option<T> {
         self.waiting.iter_mut().rev().find_map(VecDeque::pop_front)
     }
 
-    /// How many wait.
+    /// How much waits.
     pub fn len(&self) -> usize {
         self.waiting.iter().map(VecDeque::len).sum()
     }
 
-    /// Whether none waits.
+    /// Whether nothing waits.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// How many were dropped so far.
+    /// How much was dropped so far.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }

@@ -4,8 +4,8 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use robot_text::{
-    Counters, DeclareError, Kind, Message, Output, PLATFORM, Place, Platform, PlatformConfig,
-    StreamId, Unanswered, UrgencyQueue, parse,
+    Counters, DeclareError, Message, Output, PLATFORM, Place, Platform, PlatformConfig, StreamId,
+    Unanswered, UrgencyQueue, parse,
 };
 
 const START: Duration = Duration::ZERO;
@@ -362,21 +362,12 @@ fn there_is_an_end_to_agents_and_questions() {
 #[test]
 fn the_most_urgent_message_leaves_the_queue_first() {
     let mut queue = UrgencyQueue::new(3);
-    let push = |queue: &mut UrgencyQueue, text: &str, urgency: Option<u8>| {
-        let message = Message {
-            urgency,
-            ..Message::new(Kind::Action, text).to("B")
-        };
-        queue.push(message).map(|dropped| dropped.text().to_owned())
-    };
-    assert_eq!(push(&mut queue, "a", None), None);
-    assert_eq!(push(&mut queue, "b", Some(5)), None);
-    assert_eq!(push(&mut queue, "c", Some(0)), None);
-    assert_eq!(push(&mut queue, "d", Some(5)).as_deref(), Some("c"));
-    assert_eq!(push(&mut queue, "e", Some(0)).as_deref(), Some("e"));
-    let left: Vec<_> = std::iter::from_fn(|| queue.pop())
-        .map(|m| m.text().to_owned())
-        .collect();
+    assert_eq!(queue.push(0, "a"), None);
+    assert_eq!(queue.push(5, "b"), None);
+    assert_eq!(queue.push(0, "c"), None);
+    assert_eq!(queue.push(5, "d"), Some("c"));
+    assert_eq!(queue.push(0, "e"), Some("e"));
+    let left: Vec<_> = std::iter::from_fn(|| queue.pop()).collect();
     assert_eq!(left, ["b", "d", "a"]);
     assert_eq!((queue.dropped(), queue.is_empty()), (2, true));
 }
