@@ -7,4 +7,5 @@ mod ending;
 mod losing;
 mod names;
 mod patterns;
+mod text;
 mod wires;

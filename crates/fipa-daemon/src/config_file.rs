@@ -22,7 +22,7 @@ use suggestion::nearest;
 pub const DEFAULT_CONFIG: &str = include_str!("default_config.toml");
 
 /// The keys, in the order of the options.
-pub(crate) const KEYS: [&str; 11] = [
+pub(crate) const KEYS: [&str; 12] = [
     "name",
     "listen",
     "advertise",
@@ -33,6 +33,7 @@ pub(crate) const KEYS: [&str; 11] = [
     "peer",
     "control",
     "json",
+    "text",
     "max-letter",
 ];
 
@@ -117,6 +118,7 @@ fn put(
         "peer" => layer.peer = Some(entry.list(value::peer_address)?),
         "control" => layer.control = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
         "json" => layer.json = Some(entry.flag()?),
+        "text" => layer.text = Some(entry.list(value::text_endpoint)?),
         "max-letter" => layer.max_letter = Some(entry.number(value::letter_size)?),
         _ => return Err(Wrong::key(key)),
     }

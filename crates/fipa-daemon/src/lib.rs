@@ -12,6 +12,7 @@ mod config_file;
 mod demo;
 pub mod options;
 mod run;
+mod text;
 
 use std::future::Future;
 use std::io::Write;
@@ -21,6 +22,7 @@ use fipa::Error;
 use tracing_subscriber::EnvFilter;
 
 use crate::options::{Invocation, Options};
+use crate::run::RunError;
 
 /// The program: reads the command line of this process and does what it says.
 pub fn main() -> ExitCode {
@@ -38,7 +40,9 @@ fn daemon(options: &Options) -> ExitCode {
     log("warn,fipa=info");
     match block_on(run::run(options)) {
         Ok(Ok(())) => ExitCode::SUCCESS,
-        Ok(Err(error @ (Error::Name(_) | Error::Address(_)))) => fail(2, &error),
+        Ok(Err(RunError::Platform(error @ (Error::Name(_) | Error::Address(_))))) => {
+            fail(2, &error)
+        }
         Ok(Err(error)) => fail(3, &error),
         Err(error) => fail(3, &error),
     }

@@ -21,6 +21,7 @@ use std::path::PathBuf;
 
 use fipa_directory::Address;
 use fipa_dsd::{InterfaceSelector, MDNS_PORT};
+use robot_text::links::Endpoint;
 
 pub use crate::config_file::DEFAULT_CONFIG;
 pub use error::OptionsError;
@@ -54,6 +55,8 @@ pub struct Options {
     pub control: PathBuf,
     /// Whether standard output carries JSON.
     pub json: bool,
+    /// Where agents of the text format are.
+    pub text: Vec<Endpoint>,
     /// Octets of the largest letter that is taken, at least 1.
     pub max_letter: usize,
 }
@@ -71,6 +74,7 @@ impl Default for Options {
             peer: Vec::new(),
             control: fipa::default_control_path(),
             json: false,
+            text: Vec::new(),
             max_letter: 256 << 20,
         }
     }
@@ -116,7 +120,7 @@ pub fn parse(
     match line.command {
         Some(Subcommand::Demo) => Ok(Invocation::Demo),
         Some(Subcommand::Config) => Ok(Invocation::Config),
-        None => merged(line, env).map(Invocation::Run),
+        None => merged(*line, env).map(Invocation::Run),
     }
 }
 

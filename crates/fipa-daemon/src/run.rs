@@ -7,21 +7,36 @@ use serde_json::{Value, json};
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::options::Options;
+use crate::text::{BindTextError, TextService};
+
+/// Why the daemon does not run.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum RunError {
+    #[error(transparent)]
+    Platform(#[from] Error),
+    #[error(transparent)]
+    Text(#[from] BindTextError),
+}
 
 /// Runs the daemon until SIGINT or SIGTERM.
-pub(crate) async fn run(options: &Options) -> Result<(), Error> {
+pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
     let mut interrupt = signal(SignalKind::interrupt()).map_err(Error::Runtime)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(Error::Runtime)?;
     let platform = platform(options).await?;
     let mut changes = platform.watch();
     let mut notices = platform.notices();
-    say_ready(options, &platform);
+    let mut text = TextService::start(&platform, &options.text).await?;
+    say_ready(options, &platform, &text);
     loop {
         tokio::select! {
             _ = interrupt.recv() => break,
             _ = terminate.recv() => break,
-            Some(change) = changes.next() => say_conflict(options, &platform, &change),
+            Some(change) = changes.next() => {
+                say_conflict(options, &platform, &change);
+                text.directory_changed(&change);
+            }
             Some(notice) = notices.next() => say_same_name(options, &notice),
+            () = text.run() => {}
         }
     }
     tracing::info!("ends");
@@ -54,7 +69,7 @@ async fn platform(options: &Options) -> Result<Platform, Error> {
     builder.start().await
 }
 
-fn say_ready(options: &Options, platform: &Platform) {
+fn say_ready(options: &Options, platform: &Platform, text: &TextService) {
     let endpoints: Vec<String> = platform.endpoints().iter().map(|e| e.to_string()).collect();
     let name = platform.name();
     let control = options.control.display().to_string();
@@ -65,7 +80,7 @@ fn say_ready(options: &Options, platform: &Platform) {
             "endpoints": endpoints,
             "http": Value::Null,
             "hiac": [],
-            "text": [],
+            "text": text.bound(),
             "control": control,
         }));
     } else {

@@ -300,6 +300,20 @@ fn an_answer_without_conversation_is_known_by_its_reference() {
 }
 
 #[test]
+fn a_question_that_does_not_reach_the_fleet_is_answered_with_the_reason() {
+    let mut gateway = gateway();
+    let asked = receive(&mut gateway, "{O:drive;D:m@robot2;X=5;Q:where}");
+    let [TextOutput::Send(query)] = &asked[..] else {
+        panic!("{asked:?}");
+    };
+    gateway.undelivered(START, query, "no agent of this name is known");
+    let text = "{O:m@robot2;D:drive;X=5;R:ERROR no agent of this name is known}";
+    assert_eq!(outputs(&mut gateway), [write(text, None)]);
+    gateway.undelivered(START, query, "again");
+    assert_eq!(outputs(&mut gateway), []);
+}
+
+#[test]
 fn a_question_that_the_fleet_leaves_open_is_answered_with_an_error() {
     let mut gateway = gateway();
     receive(&mut gateway, "{O:drive;D:m@robot2;X=5;Q:where}");

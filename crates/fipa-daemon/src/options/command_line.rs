@@ -43,7 +43,7 @@ pub(super) enum Subcommand {
 /// What came of a command line.
 pub(super) enum Parsed {
     /// Something to do.
-    Line(CommandLine),
+    Line(Box<CommandLine>),
     /// Something to print: help or version.
     Text(String),
 }
@@ -54,7 +54,7 @@ const HINTS: [&str; 3] = ["\n\n  tip: ", "\n\nUsage: ", "\n\nFor more informatio
 impl CommandLine {
     pub(super) fn read(args: impl Iterator<Item = OsString>) -> Result<Parsed, OptionsError> {
         match CommandLine::try_parse_from(args) {
-            Ok(line) => Ok(Parsed::Line(line)),
+            Ok(line) => Ok(Parsed::Line(Box::new(line))),
             Err(error) => match error.kind() {
                 ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
                     Ok(Parsed::Text(error.to_string()))

@@ -23,6 +23,7 @@ pub(super) fn layer(env: impl Fn(&str) -> Option<String>) -> Result<Layer, Optio
         peer: list(env, "FIPAD_PEER", value::peer_address)?,
         control: said(env, "FIPAD_CONTROL").map(PathBuf::from),
         json: one(env, "FIPAD_JSON", value::flag)?,
+        text: list(env, "FIPAD_TEXT", value::text_endpoint)?,
         max_letter: one(env, "FIPAD_MAX_LETTER", value::letter_size_text)?,
     })
 }

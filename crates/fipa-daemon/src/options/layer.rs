@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use fipa_directory::Address;
 use fipa_dsd::InterfaceSelector;
+use robot_text::links::Endpoint;
 
 use super::{Options, value};
 
@@ -43,6 +44,10 @@ pub(crate) struct Layer {
     /// Print JSON, one object a line
     #[arg(long, num_args = 0, default_missing_value = "true")]
     pub(crate) json: Option<bool>,
+    /// Where agents of the text format are, repeatable: udp://HOST:PORT, tcp://HOST:PORT[?listen]
+    /// or serial:///dev/...?baud=115200
+    #[arg(long, value_name = "URL", value_parser = value::text_endpoint)]
+    pub(crate) text: Option<Vec<Endpoint>>,
     /// The size of the largest letter that is taken [default: 268435456]
     #[arg(long, value_name = "BYTES", value_parser = value::letter_size_text)]
     pub(crate) max_letter: Option<usize>,
@@ -62,6 +67,7 @@ impl Layer {
             peer: self.peer.or(weaker.peer),
             control: self.control.or(weaker.control),
             json: self.json.or(weaker.json),
+            text: self.text.or(weaker.text),
             max_letter: self.max_letter.or(weaker.max_letter),
         }
     }
@@ -81,6 +87,7 @@ impl Layer {
             peer: self.peer.unwrap_or(default.peer),
             control: control.unwrap_or(default.control),
             json: self.json.unwrap_or(default.json),
+            text: self.text.unwrap_or(default.text),
             max_letter: self.max_letter.unwrap_or(default.max_letter),
         }
     }

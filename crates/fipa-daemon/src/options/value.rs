@@ -3,6 +3,7 @@
 use fipa::Text;
 use fipa_directory::{Address, ParseAddressError};
 use fipa_dsd::{InterfaceSelector, ParseSelectorError};
+use robot_text::links::{Endpoint, EndpointError};
 
 /// The scope is announced in a TXT string of 255 octets that begins with `scope=`.
 const LONGEST_SCOPE: usize = 249;
@@ -50,6 +51,12 @@ pub(crate) fn peer_address(text: &str) -> Result<Address, String> {
 pub(crate) fn interface(text: &str) -> Result<InterfaceSelector, String> {
     text.parse()
         .map_err(|error: ParseSelectorError| error.to_string().replace(char::is_control, "?"))
+}
+
+/// A place of agents that speak the text format.
+pub(crate) fn text_endpoint(text: &str) -> Result<Endpoint, String> {
+    text.parse()
+        .map_err(|error: EndpointError| error.to_string().replace(char::is_control, "?"))
 }
 
 /// Yes or no, where it is not a matter of being there.

@@ -57,12 +57,17 @@ fn every_option_can_be_given_in_every_source() {
         peer: vec!["tcp://[::1]:1".parse().unwrap(), "b:2".parse().unwrap()],
         control: "/run/x.sock".into(),
         json: true,
+        text: vec![
+            "udp://127.0.0.1:5000".parse().unwrap(),
+            "serial:///dev/ttyUSB0?baud=9600".parse().unwrap(),
+        ],
         max_letter: 1000,
     };
     let words = "--name robot1 --listen tcp://0.0.0.0:4100 --listen unix:///a \
                  --advertise tcp://robot1:4100 --scope plant --interface wlan0 \
                  --interface 10.0.0.0/8 --no-mdns --mdns-port 5454 --peer [::1]:1 --peer b:2 \
-                 --control /run/x.sock --json --max-letter 1000";
+                 --control /run/x.sock --json --text udp://127.0.0.1:5000 \
+                 --text serial:///dev/ttyUSB0?baud=9600 --max-letter 1000";
     let words: Vec<&str> = words.split_whitespace().collect();
     assert_eq!(line(&words).options(), wanted);
     let text = r#"
@@ -76,6 +81,7 @@ fn every_option_can_be_given_in_every_source() {
         peer = ["[::1]:1", "tcp://b:2"]
         control = "/run/x.sock"
         json = true
+        text = ["udp://127.0.0.1:5000", "serial:///dev/ttyUSB0?baud=9600"]
         max-letter = 1_000
     "#;
     assert_eq!(file(text).options(), wanted);
@@ -90,6 +96,10 @@ fn every_option_can_be_given_in_every_source() {
         ("FIPAD_PEER", " [::1]:1 ,\n b:2,"),
         ("FIPAD_CONTROL", "/run/x.sock"),
         ("FIPAD_JSON", "true"),
+        (
+            "FIPAD_TEXT",
+            "udp://127.0.0.1:5000,serial:///dev/ttyUSB0?baud=9600",
+        ),
         ("FIPAD_MAX_LETTER", "1000"),
     ];
     assert_eq!(env(&variables).options(), wanted);
@@ -142,7 +152,7 @@ fn the_default_file_is_the_defaults() {
     let keys: Vec<&str> = keys
         .filter(|line| line.starts_with(char::is_alphabetic))
         .collect();
-    assert_eq!(keys.len(), 11);
+    assert_eq!(keys.len(), 12);
     let text = keys.join("\n");
     let given = Given {
         file: Some(&text),

@@ -111,6 +111,12 @@ impl Conversations {
         self.questions.remove(&conversation)
     }
 
+    /// The question that became this query, which is over.
+    pub(super) fn question_of(&mut self, query: &Message) -> Option<TextMessage> {
+        let conversation = query.conversation_id.as_ref()?.as_str()?;
+        self.questions.remove(conversation)
+    }
+
     /// A question to the fleet was given up.
     pub(super) fn forget_asking(&mut self, question: &TextMessage) {
         self.questions.retain(|_, known| known != question);

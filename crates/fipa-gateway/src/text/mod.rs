@@ -122,6 +122,14 @@ impl TextGateway {
         }
     }
 
+    /// A message of the gateway did not reach whom it was for.
+    pub fn undelivered(&mut self, now: Duration, message: &Message, reason: &str) {
+        if let Some(question) = self.conversations.question_of(message) {
+            self.answer(now, &question, &format!("ERROR {reason}"));
+            self.settle();
+        }
+    }
+
     /// A stream has ended.
     pub fn stream_closed(&mut self, stream: StreamId) {
         self.platform.stream_closed(stream);
