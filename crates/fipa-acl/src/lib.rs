@@ -41,4 +41,4 @@ pub use expression::{Expression, ParseExpressionError};
 pub use message::Message;
 pub use performative::Performative;
 pub use text::{NotUtf8, Text};
-pub use time::{CivilTime, FipaTime, InvalidTime, Relative, Zone};
+pub use time::{CivilTime, FipaTime, InvalidTime, InvalidToken, Relative, Zone};

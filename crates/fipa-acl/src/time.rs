@@ -1,5 +1,9 @@
+mod token;
+
 use std::fmt;
 use std::str::FromStr;
+
+pub use token::InvalidToken;
 
 /// A point in time or a span, as FIPA SC00070I writes them, to the millisecond.
 ///
@@ -78,6 +82,13 @@ pub struct CivilTime {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct InvalidTime(&'static str);
+
+impl InvalidTime {
+    /// What is wrong.
+    pub fn as_str(&self) -> &'static str {
+        self.0
+    }
+}
 
 const DAY: i64 = 86_400_000;
 const YEAR_0: i64 = -62_167_219_200_000;

@@ -109,7 +109,7 @@ fn unsigned(text: &[u8]) -> &[u8] {
     }
 }
 
-pub(super) fn is_digits(text: &[u8]) -> bool {
+fn is_digits(text: &[u8]) -> bool {
     !text.is_empty() && text.iter().all(u8::is_ascii_digit)
 }
 
