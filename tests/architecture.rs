@@ -16,10 +16,11 @@ const MACHINES: &[&str] = &[
     "fipa-link",
     "fipa-directory",
     "fipa-gateway",
+    "fipa-management",
     "hiac",
     "robot-text",
 ];
-const DATA: &[&str] = &["fipa-codec", "fipa-acl"];
+const DATA: &[&str] = &["fipa-codec", "fipa-sl", "fipa-acl"];
 
 /// State machines that bring their own sockets and serial lines, in a module and a feature of that
 /// name.
