@@ -53,6 +53,48 @@ fn a_message_goes_through_every_representation_and_both_envelopes() {
     assert_eq!(envelope["intended-receiver"], message["receiver"]);
 }
 
+/// fipa_services puts its newest overlay behind the others, directly in front of the base.
+#[test]
+fn layers_are_shown_and_written_as_they_stand() {
+    let vectors = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/vectors");
+    for (file, rep) in [
+        (
+            "fipa_acl/env_stamped2_msg_string.bitefficient.bin",
+            "bit-efficient",
+        ),
+        ("fipa_acl/env_stamped2_msg_string.xml.bin", "xml"),
+    ] {
+        let recording = std::fs::read(vectors.join(file)).unwrap();
+        let shown = piped(tool(&["decode", "--raw"]), &recording);
+        assert_eq!(shown.code, Some(0), "{shown:?}");
+        let letter = shown.only_json();
+        let in_layers: Vec<_> = letter["layers"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|layer| layer["received"][0]["by"].as_str())
+            .collect();
+        let mut expected = [Some("mts-0"), None, Some("mts-1"), None];
+        if rep == "xml" {
+            expected.rotate_right(1);
+        }
+        assert_eq!(in_layers, expected, "{file}");
+        // In the order of travel.
+        let stamps = letter["envelope"]["received"].as_array().unwrap();
+        let by: Vec<_> = stamps.iter().map(|stamp| stamp["by"].as_str()).collect();
+        assert_eq!(by, [Some("mts-0"), Some("mts-1")], "{file}");
+
+        let mut pipeline = Command::new("sh");
+        let script = format!(
+            r#""$0" decode --raw | "$0" encode --as string --envelope {rep} | "$0" decode --raw"#
+        );
+        pipeline.args(["-c", &script, env!("CARGO_BIN_EXE_fipa")]);
+        let again = piped(pipeline, &recording);
+        assert_eq!(again.code, Some(0), "{again:?}");
+        assert_eq!(again.only_json(), letter, "{file}");
+    }
+}
+
 #[test]
 fn octets_that_are_no_message_end_it_with_2_and_say_where() {
     let recording = [0xFA, 0x10, 0x09, 0x02, 0xFF];

@@ -141,7 +141,8 @@ impl Relative {
         if self.negative { -span } else { span }
     }
 
-    /// `P[nY][nM][nD][T[nH][nM][n[.fff]S]]`; hours, minutes and seconds beyond their field carry.
+    /// `P[nY][nM][nD][T[nH][nM][n[.fff]S]]`; hours, minutes and seconds beyond those of the clock
+    /// carry as long as the days have two digits.
     fn parse(text: &str, negative: bool) -> Result<Relative, InvalidTime> {
         const SHAPE: InvalidTime = InvalidTime("a duration is like +PT10S or +P1DT2H");
         let body = text.strip_prefix('P').ok_or(SHAPE)?;
@@ -151,39 +152,58 @@ impl Relative {
         }
         let [years, months, days] = designated(date, ["Y", "M", "D"]).ok_or(SHAPE)?;
         let [hours, minutes, seconds] = designated(time, ["H", "M", "S"]).ok_or(SHAPE)?;
-        if [years, months, days, hours, minutes]
-            .iter()
-            .any(|n| n % 1000 != 0)
-        {
-            return Err(SHAPE);
+        let whole = |n: u64| n.is_multiple_of(1000).then_some(n / 1000);
+        let whole = [years, months, days, hours, minutes].map(whole);
+        let mut fields = [0; 5];
+        for (field, number) in fields.iter_mut().zip(whole) {
+            *field = number.ok_or(SHAPE)?;
         }
-        let too_long = InvalidTime("a relative time is shorter than 100 days");
-        let millis = (hours / 1000)
-            .checked_mul(3_600_000)
-            .and_then(|h| {
-                h.checked_add((minutes / 1000).checked_mul(60_000)?)?
-                    .checked_add(seconds)
-            })
-            .ok_or(too_long)?;
-        let days = millis / 86_400_000 + days / 1000;
-        Ok(Relative {
+        Relative::of(negative, fields, seconds)
+            .ok_or(InvalidTime("a relative time is shorter than 100 days"))
+    }
+
+    /// The span of these years, months, days, hours and minutes, and of so many milliseconds.
+    fn of(
+        negative: bool,
+        [years, months, days, hours, minutes]: [u64; 5],
+        millis: u64,
+    ) -> Option<Relative> {
+        let field = |number: u64| u8::try_from(number).ok().filter(|field| *field < 100);
+        let dated = Relative {
             negative,
-            years: u16::try_from(years / 1000)
-                .ok()
-                .filter(|y| *y < 10_000)
-                .ok_or(too_long)?,
-            months: u8::try_from(months / 1000)
-                .ok()
-                .filter(|m| *m < 100)
-                .ok_or(too_long)?,
-            days: u8::try_from(days)
-                .ok()
-                .filter(|d| *d < 100)
-                .ok_or(too_long)?,
+            years: u16::try_from(years).ok().filter(|years| *years < 10_000)?,
+            months: field(months)?,
+            ..Relative::default()
+        };
+        let clock = hours
+            .checked_mul(60)?
+            .checked_add(minutes)?
+            .checked_mul(60_000)?
+            .checked_add(millis)?;
+        dated.carried(days, clock).or_else(|| {
+            // Its fields hold it as it is.
+            Some(Relative {
+                days: field(days)?,
+                hours: field(hours)?,
+                minutes: field(minutes)?,
+                seconds: field(millis / 1000)?,
+                millis: (millis % 1000) as u16,
+                ..dated
+            })
+        })
+    }
+
+    /// The span with so many days and milliseconds, without hours, minutes and seconds beyond
+    /// those of the clock; `None` if these days have more than two digits.
+    fn carried(self, days: u64, millis: u64) -> Option<Relative> {
+        let days = u8::try_from(days.checked_add(millis / 86_400_000)?).ok()?;
+        (days < 100).then_some(Relative {
+            days,
             hours: (millis / 3_600_000 % 24) as u8,
             minutes: (millis / 60_000 % 60) as u8,
             seconds: (millis / 1000 % 60) as u8,
             millis: (millis % 1000) as u16,
+            ..self
         })
     }
 }
@@ -367,6 +387,10 @@ impl fmt::Display for FipaTime {
 }
 
 fn fmt_span(span: &Relative, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let clock = (u64::from(span.hours) * 60 + u64::from(span.minutes)) * 60;
+    let millis = (clock + u64::from(span.seconds)) * 1000 + u64::from(span.millis);
+    // As it is read.
+    let span = span.carried(span.days.into(), millis).unwrap_or(*span);
     let part = |f: &mut fmt::Formatter<'_>, n: u16, designator: char| match n {
         0 => Ok(()),
         n => write!(f, "{n}{designator}"),

@@ -1,7 +1,8 @@
 //! Dates, expressions, replies and envelopes behave as the standard's data.
 
 use fipa_acl::{
-    AgentId, CivilTime, Envelope, Expression, FipaTime, Message, Performative, Slots, Text,
+    AgentId, CivilTime, Envelope, Expression, FipaTime, Message, Performative, Relative, Slots,
+    Text,
 };
 use proptest::prelude::*;
 
@@ -23,10 +24,22 @@ proptest! {
         days in 0..100_u8, hours in 0..24_u8, minutes in 0..60_u8, seconds in 0..60_u8,
         millis in 0..1000_u16, negative: bool, years in 0..10_000_u16, months in 0..100_u8,
     ) {
-        let span = FipaTime::Relative(fipa_acl::Relative {
+        let span = FipaTime::Relative(Relative {
             negative, years, months, days, hours, minutes, seconds, millis,
         });
         prop_assert_eq!(span.to_string().parse(), Ok(span));
+    }
+
+    #[test]
+    fn a_span_of_any_fields_is_shown_as_one_of_the_same_length(
+        days in 0..100_u8, hours in 0..100_u8, minutes in 0..100_u8, seconds in 0..100_u8,
+        millis in 0..1000_u16, negative: bool,
+    ) {
+        let span = Relative { negative, days, hours, minutes, seconds, millis, ..Relative::default() };
+        let shown = FipaTime::Relative(span).to_string();
+        let read: FipaTime = shown.parse().unwrap();
+        prop_assert_eq!(read.resolve(0), span.as_millis());
+        prop_assert_eq!(read.to_string(), shown);
     }
 
     #[test]
@@ -46,10 +59,20 @@ fn durations_leave_zero_parts_out_and_carry() {
         ("+PT0.25S", "+PT0.25S"),
         ("+PT0S", "+PT0S"),
         ("+P2D", "+P2D"),
+        ("+P97DT48H", "+P99D"),
+        ("+P98DT48H", "+P98DT48H"),
+        ("-P99DT99H99M99.999S", "-P99DT99H99M99.999S"),
     ] {
         assert_eq!(given.parse::<FipaTime>().unwrap().to_string(), shown);
     }
-    for wrong in ["+P100D", "+P", "PT1", "+PT1X", "+PT99999999999999999999S"] {
+    for wrong in [
+        "+P100D",
+        "+P98DT100H",
+        "+P",
+        "PT1",
+        "+PT1X",
+        "+PT99999999999999999999S",
+    ] {
         assert!(wrong.parse::<FipaTime>().is_err(), "{wrong}");
     }
 }

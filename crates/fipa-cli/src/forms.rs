@@ -1,13 +1,13 @@
-//! The representations as the commands name them, and the layers of envelopes in the order of the
-//! wire.
+//! The representations as the commands name them, and what is read and written in them.
 //!
 //! Reading takes a position in the whole input, so that errors name octets of it.
 
+mod layers;
 mod reading;
 mod writing;
 
 use clap::ValueEnum;
-use fipa_acl::{Envelope, Representation, Slots};
+use fipa_acl::Representation;
 use fipa_codec::EnvelopeRepresentation;
 use fipa_codec::bit_efficient::{CodeTable, InvalidTableSize};
 
@@ -70,30 +70,5 @@ impl TableArgs {
         self.code_table
             .map(|entries| CodeTable::new(usize::try_from(entries).unwrap_or(usize::MAX)))
             .transpose()
-    }
-}
-
-/// The layers of an envelope in the order in which its representation writes them.
-///
-/// In bit-efficient form there are peers that write them in another order, and read envelopes do
-/// not tell: theirs are shown as we would write them.
-pub fn layers_on_the_wire(envelope: &Envelope, rep: EnvelopeRepresentation) -> Vec<&Slots> {
-    match rep {
-        // The newest overlay is in front, the base is last.
-        EnvelopeRepresentation::BitEfficient => envelope.layers().collect(),
-        // The base is number 1, the newest overlay is last.
-        EnvelopeRepresentation::Xml => envelope.layers().rev().collect(),
-    }
-}
-
-/// Layers in the order in which they stand on the wire, as an envelope.
-fn envelope_of_layers(mut layers: Vec<Slots>, rep: EnvelopeRepresentation) -> Envelope {
-    if rep == EnvelopeRepresentation::BitEfficient {
-        layers.reverse();
-    }
-    let mut layers = layers.into_iter();
-    Envelope {
-        base: layers.next().unwrap_or_default(),
-        overlays: layers.collect(),
     }
 }

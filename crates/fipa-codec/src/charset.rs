@@ -103,10 +103,14 @@ impl Charset {
     }
 
     /// How many of the octets were read for so much of their text.
-    fn octets_read(self, octets: &[u8], text: &str) -> usize {
+    pub(crate) fn octets_read(self, octets: &[u8], text: &str) -> usize {
         match self {
             Charset::Latin1 => text.chars().count(),
             Charset::Utf32(_) => octets.len().min(4 * text.chars().count()),
+            // What could not be decoded was one unit and became a character of one unit.
+            Charset::Other(encoding) if encoding == UTF_16BE || encoding == UTF_16LE => {
+                octets.len().min(2 * text.encode_utf16().count())
+            }
             Charset::Other(encoding) => {
                 let mut decoder = encoding.new_decoder_without_bom_handling();
                 let mut written = 0;

@@ -1,9 +1,9 @@
 //! Messages and letters in whichever representation they are.
 
 use bytes::Bytes;
-use fipa_acl::{Envelope, Letter, Message, Representation};
+use fipa_acl::{Envelope, Letter, Message, Representation, Slots};
 
-use crate::{DecodeError, EncodeError, Fault, Form, Limits, Output};
+use crate::{DecodeError, Dialect, EncodeError, Fault, Form, Limits, Output};
 use crate::{bit_efficient, detect, string, xml};
 
 /// Reads a message that fills the whole input.
@@ -50,10 +50,20 @@ pub fn encode_message(
     message: &Message,
     out: &mut Output,
 ) -> Result<(), EncodeError> {
+    encode_message_as(Dialect::Standard, representation, message, out)
+}
+
+/// Appends a message as a peer needs it; on an error `out` is as before.
+pub fn encode_message_as(
+    dialect: Dialect,
+    representation: &Representation,
+    message: &Message,
+    out: &mut Output,
+) -> Result<(), EncodeError> {
     match representation {
-        Representation::BitEfficient => bit_efficient::encode_message(message, out),
-        Representation::String => string::encode_message(message, out),
-        Representation::Xml => xml::encode_message(message, out),
+        Representation::BitEfficient => bit_efficient::encode_message_as(dialect, message, out),
+        Representation::String => string::encode_message_as(dialect, message, out),
+        Representation::Xml => xml::encode_message_as(dialect, message, out),
         Representation::Other(_) => Err(EncodeError {
             parameter: "acl-representation",
             what: "nobody here knows this representation",
@@ -82,11 +92,16 @@ impl EnvelopeRepresentation {
     }
 
     fn required(bytes: &[u8]) -> Result<EnvelopeRepresentation, DecodeError> {
-        EnvelopeRepresentation::detect(bytes).ok_or(DecodeError {
-            offset: 0,
-            fault: Fault::Malformed,
-            what: "no envelope begins like this",
-        })
+        match detect(bytes) {
+            Form::BitEfficientEnvelope => Ok(EnvelopeRepresentation::BitEfficient),
+            // What is wrong with another document shows where it is read.
+            Form::Xml => Ok(EnvelopeRepresentation::Xml),
+            _ => Err(DecodeError {
+                offset: 0,
+                fault: Fault::Malformed,
+                what: "no envelope begins like this",
+            }),
+        }
     }
 }
 
@@ -96,6 +111,19 @@ pub fn decode_envelope(bytes: &Bytes, limits: &Limits) -> Result<(Envelope, usiz
     match EnvelopeRepresentation::required(bytes)? {
         EnvelopeRepresentation::BitEfficient => bit_efficient::decode_envelope(bytes, limits),
         EnvelopeRepresentation::Xml => xml::decode_envelope(bytes, limits),
+    }
+}
+
+/// The layers of the envelope at the beginning of the input, base and overlays, in the order of the
+/// wire: in bit-efficient form as they stand there, wherever the newest one is, in XML from the
+/// lowest number on.
+pub fn decode_layers(bytes: &Bytes, limits: &Limits) -> Result<Vec<Slots>, DecodeError> {
+    match EnvelopeRepresentation::required(bytes)? {
+        EnvelopeRepresentation::BitEfficient => bit_efficient::decode_layers(bytes, limits),
+        EnvelopeRepresentation::Xml => {
+            let (Envelope { base, overlays }, _) = xml::decode_envelope(bytes, limits)?;
+            Ok(std::iter::once(base).chain(overlays).collect())
+        }
     }
 }
 
@@ -126,9 +154,25 @@ pub fn encode_envelope(
     envelope: &Envelope,
     out: &mut Output,
 ) -> Result<(), EncodeError> {
+    encode_envelope_as(Dialect::Standard, representation, envelope, 0, out)
+}
+
+/// Appends an envelope as a peer needs it; on an error `out` is as before.
+///
+/// `payload` counts the octets that will follow: some peers need the length where the envelope
+/// does not state it.
+pub fn encode_envelope_as(
+    dialect: Dialect,
+    representation: EnvelopeRepresentation,
+    envelope: &Envelope,
+    payload: usize,
+    out: &mut Output,
+) -> Result<(), EncodeError> {
     match representation {
-        EnvelopeRepresentation::BitEfficient => bit_efficient::encode_envelope(envelope, out),
-        EnvelopeRepresentation::Xml => xml::encode_envelope(envelope, out),
+        EnvelopeRepresentation::BitEfficient => {
+            bit_efficient::encode_envelope_as(dialect, envelope, payload, out)
+        }
+        EnvelopeRepresentation::Xml => xml::encode_envelope_as(dialect, envelope, payload, out),
     }
 }
 
@@ -139,7 +183,20 @@ pub fn encode_letter(
     letter: &Letter,
     out: &mut Output,
 ) -> Result<(), EncodeError> {
-    encode_envelope(representation, &letter.envelope, out)?;
-    out.put_shared(&letter.payload);
+    encode_letter_as(Dialect::Standard, representation, letter, out)
+}
+
+/// Appends a letter as a peer needs it; on an error `out` is as before. The payload is not
+/// touched: in which representation the peer reads it is for
+/// [`Dialect::message_representation`] to say.
+pub fn encode_letter_as(
+    dialect: Dialect,
+    representation: EnvelopeRepresentation,
+    letter: &Letter,
+    out: &mut Output,
+) -> Result<(), EncodeError> {
+    let Letter { envelope, payload } = letter;
+    encode_envelope_as(dialect, representation, envelope, payload.len(), out)?;
+    out.put_shared(payload);
     Ok(())
 }

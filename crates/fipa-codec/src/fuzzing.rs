@@ -9,6 +9,7 @@ use std::fmt::Debug;
 use bytes::Bytes;
 use fipa_acl::{Envelope, FipaTime, Letter, Message, Representation, Slots, Text, Zone};
 
+use crate::bit_efficient::CodeTable;
 use crate::{DecodeError, EncodeError, Form, Limits, Output};
 use crate::{bit_efficient, decode_payload, decode_payload_as, detect, string, xml};
 
@@ -28,6 +29,76 @@ pub fn bit_efficient_message(data: &[u8]) {
 /// A bit-efficient envelope and its payload.
 pub fn bit_efficient_letter(data: &[u8]) {
     BIT_EFFICIENT_LETTER.hold(data);
+}
+
+/// Bit-efficient messages, one behind the other, with a code table.
+pub fn code_table(data: &[u8]) {
+    let octets = Bytes::copy_from_slice(data);
+    for entries in TABLES {
+        let messages = read_with_table(&octets, entries, &Limits::default());
+        read_with_table(&octets, entries, &SMALL);
+        come_back_with_table(&messages, entries);
+    }
+}
+
+/// The smallest code table, and one whose numbers have two octets.
+const TABLES: [usize; 2] = [256, 257];
+
+/// The messages up to the first one that cannot be read.
+fn read_with_table(octets: &Bytes, entries: usize, limits: &Limits) -> Vec<Message> {
+    let mut table = new_table(entries);
+    let mut messages = Vec::new();
+    let mut at = 0;
+    while at < octets.len() {
+        let rest = octets.slice(at..);
+        let read = bit_efficient::decode_message_prefix_with(&rest, limits, &mut table);
+        assert!(
+            table.len() <= entries,
+            "more entries than there is room for"
+        );
+        let used = match read {
+            Ok((message, used)) => {
+                messages.push(message);
+                used
+            }
+            Err(error) => {
+                assert!(error.offset <= rest.len(), "an error behind the end");
+                if let Some(broken) = table.broken().cloned() {
+                    let again = bit_efficient::decode_message_with(&rest, limits, &mut table);
+                    assert_eq!(again, Err(broken), "a broken table is used");
+                }
+                break;
+            }
+        };
+        assert!(0 < used && used <= rest.len(), "a position that is none");
+        at += used;
+    }
+    messages
+}
+
+/// Writes with a new table what can be written, and reads it with another one.
+fn come_back_with_table(messages: &[Message], entries: usize) {
+    let (mut here, mut there) = (new_table(entries), new_table(entries));
+    let mut out = Output::new();
+    for message in messages {
+        let before = here.len();
+        if bit_efficient::encode_message_with(message, &mut here, &mut out).is_err() {
+            assert!(out.is_empty(), "an error leaves octets");
+            assert_eq!(here.len(), before, "an error leaves entries");
+            continue;
+        }
+        let octets = out.take_bytes();
+        let limits = Limits::default();
+        let again = bit_efficient::decode_message_with(&octets, &limits, &mut there);
+        let mut expected = message.clone();
+        message_in_utc(&mut expected);
+        assert_eq!(again, Ok(expected), "it changed: {octets:?}");
+        assert_eq!(here.len(), there.len(), "the tables differ");
+    }
+}
+
+fn new_table(entries: usize) -> CodeTable {
+    CodeTable::new(entries).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A message in string form.

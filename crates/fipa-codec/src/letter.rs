@@ -1,10 +1,47 @@
-//! The payloads of letters: how they are represented, and in which charset.
+//! Letters and their payloads: where these end, how they are represented, and in which charset.
+
+use std::ops::Range;
 
 use bytes::Bytes;
-use fipa_acl::{Envelope, Message, Representation, Text};
+use fipa_acl::{Envelope, Letter, Message, Representation, Text};
 
 use crate::charset::{Charset, Extent, Foreign, Named};
 use crate::{DecodeError, Fault, Form, Limits, decode_message_prefix, detect, xml};
+
+/// The letter of an envelope that was read, and of the payload that stands there.
+pub(crate) fn around(
+    envelope: Envelope,
+    bytes: &Bytes,
+    payload: Range<usize>,
+    limits: &Limits,
+) -> Result<Letter, DecodeError> {
+    if payload.end > limits.max_octets {
+        return Err(DecodeError {
+            offset: limits.max_octets,
+            fault: Fault::Limit,
+            what: "too long",
+        });
+    }
+    let payload = bytes.slice(payload);
+    Ok(Letter { envelope, payload })
+}
+
+/// The letter of an envelope that was read, and of the payload that begins there; tells where it
+/// ends: at its announced length if there is one and the input is that long, else with the input.
+pub(crate) fn prefix(
+    envelope: Envelope,
+    bytes: &Bytes,
+    begin: usize,
+    limits: &Limits,
+) -> Result<(Letter, usize), DecodeError> {
+    let announced = envelope
+        .payload_length()
+        .and_then(|length| begin.checked_add(usize::try_from(length).ok()?));
+    let end = announced
+        .filter(|end| *end <= bytes.len())
+        .unwrap_or(bytes.len());
+    Ok((around(envelope, bytes, begin..end, limits)?, end))
+}
 
 /// Reads the message in the payload of a letter, as its envelope says that it is represented and
 /// encoded; what stands behind the message is ignored.
@@ -82,7 +119,7 @@ pub fn decode_payload_as(
             what: "too long",
         });
     }
-    match decode_leading(representation, &foreign.to_utf8(), limits) {
+    match decode_foreign(representation, &foreign.to_utf8(), limits) {
         Ok((message, used)) => Ok((message, foreign.position(used))),
         Err(error) => Err(DecodeError {
             offset: foreign.position(error.offset),
@@ -119,6 +156,21 @@ fn charset_of(envelope: &Envelope, payload: &[u8]) -> Option<Charset> {
         Named::Unknown | Named::Utf8 => None,
         Named::Wide => Charset::of_wide(payload),
         Named::Charset(charset) => Some(charset),
+    }
+}
+
+/// Reads what was transcoded: what a declaration says about it is no longer true.
+fn decode_foreign(
+    representation: &Representation,
+    payload: &Bytes,
+    limits: &Limits,
+) -> Result<(Message, usize), DecodeError> {
+    if *representation != Representation::Xml {
+        return decode_message_prefix(representation, payload, limits);
+    }
+    match xml::decode_utf8_message(payload, limits) {
+        Ok(message) => Ok((message, payload.len())),
+        Err(_) => xml::decode_utf8_message_prefix(payload, limits),
     }
 }
 

@@ -7,6 +7,8 @@
 pub mod arbitrary;
 pub mod bit_efficient;
 mod charset;
+mod dates;
+mod decimal;
 mod detect;
 mod dialect;
 mod dispatch;
@@ -17,13 +19,15 @@ mod letter;
 mod limits;
 mod output;
 pub mod string;
+mod user_names;
 pub mod xml;
 
 pub use detect::{Form, detect};
 pub use dialect::Dialect;
 pub use dispatch::{
-    EnvelopeRepresentation, decode_envelope, decode_letter, decode_letter_prefix, decode_message,
-    decode_message_prefix, encode_envelope, encode_letter, encode_message,
+    EnvelopeRepresentation, decode_envelope, decode_layers, decode_letter, decode_letter_prefix,
+    decode_message, decode_message_prefix, encode_envelope, encode_envelope_as, encode_letter,
+    encode_letter_as, encode_message, encode_message_as,
 };
 pub use error::{DecodeError, EncodeError, Fault};
 pub use letter::{decode_payload, decode_payload_as, payload_encoding, payload_representation};

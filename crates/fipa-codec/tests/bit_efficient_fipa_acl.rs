@@ -19,7 +19,7 @@ fn without_nested_resolvers(mut message: Message) -> Message {
 
 #[test]
 fn recorded_messages_have_the_values_of_the_index() {
-    for (name, octets, entry) in fipa_acl("message") {
+    for (name, octets, entry) in fipa_acl("bitefficient", "message") {
         let mut expected = expected_message(&entry["message"]);
         if name == "receiver_resolvers_nested3" {
             expected = without_nested_resolvers(expected);
@@ -30,7 +30,7 @@ fn recorded_messages_have_the_values_of_the_index() {
 
 #[test]
 fn recorded_messages_come_back_unchanged() {
-    for (name, octets, _) in fipa_acl("message") {
+    for (name, octets, _) in fipa_acl("bitefficient", "message") {
         let mut decoded = message(octets);
         let mut out = Output::new();
         encode_message(&decoded, &mut out).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -43,7 +43,7 @@ fn recorded_messages_come_back_unchanged() {
 
 #[test]
 fn recorded_envelopes_have_the_layers_of_the_index() {
-    for (name, octets, entry) in fipa_acl("envelope") {
+    for (name, octets, entry) in fipa_acl("bitefficient", "envelope") {
         let letter = letter(octets);
         let mut base = expected_slots(&entry["envelope"]["base"]);
         if name == "env_userparams" {
@@ -63,7 +63,7 @@ fn recorded_envelopes_have_the_layers_of_the_index() {
 
 #[test]
 fn recorded_envelopes_flatten_as_the_peer_flattens() {
-    for (name, octets, entry) in fipa_acl("envelope") {
+    for (name, octets, entry) in fipa_acl("bitefficient", "envelope") {
         let mut flattened = expected_slots(&entry["envelope"]["flattened"]);
         flattened.received = None;
         if name == "env_userparams" {
@@ -78,7 +78,7 @@ fn recorded_envelopes_flatten_as_the_peer_flattens() {
 
 #[test]
 fn payloads_of_recorded_envelopes_are_the_recorded_ones() {
-    for (name, octets, entry) in fipa_acl("envelope") {
+    for (name, octets, entry) in fipa_acl("bitefficient", "envelope") {
         let payload = letter(octets).payload;
         let file = string(&entry["payload_file"]);
         assert_eq!(
@@ -98,7 +98,7 @@ fn payloads_of_recorded_envelopes_are_the_recorded_ones() {
 
 #[test]
 fn recorded_envelopes_come_back_unchanged() {
-    for (name, octets, _) in fipa_acl("envelope") {
+    for (name, octets, _) in fipa_acl("bitefficient", "envelope") {
         let first = letter(octets);
         let mut out = Output::new();
         encode_letter(&first, &mut out).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -165,7 +165,7 @@ fn decode_only_message(name: &str) -> Result<Message, Fault> {
 
 #[test]
 fn hand_written_messages_mean_what_the_standard_says() {
-    for (name, octets, _) in fipa_acl("decode-only-message") {
+    for (name, octets, _) in fipa_acl("bitefficient", "decode-only-message") {
         let decoded = decode_message(&octets, &Limits::default());
         assert_eq!(
             decoded.map_err(|error| error.fault),
@@ -209,7 +209,7 @@ fn decode_only_envelope(name: &str) -> Result<Seen, Fault> {
 
 #[test]
 fn hand_written_envelopes_mean_what_the_standard_says() {
-    for (name, octets, _) in fipa_acl("decode-only-envelope") {
+    for (name, octets, _) in fipa_acl("bitefficient", "decode-only-envelope") {
         let letter = match decode_letter(&octets, &Limits::default()) {
             Ok(letter) => letter,
             Err(error) => {

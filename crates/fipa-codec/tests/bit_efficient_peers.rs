@@ -1,58 +1,17 @@
-//! Recordings of a running fipa_services and of JADE's bit-efficient add-on.
+//! Recordings of JADE's bit-efficient add-on.
 
 mod support;
 
-use fipa_acl::{Expression, Message, Performative, Representation, Zone};
-use fipa_codec::bit_efficient::{decode_letter, decode_letter_prefix, decode_message};
-use fipa_codec::{Fault, Form, Limits, detect};
+use fipa_acl::{
+    AgentId, Envelope, Expression, Message, Performative, Received, Representation, Slots, Zone,
+};
+use fipa_codec::bit_efficient::{decode_letter, decode_message};
+use fipa_codec::{Fault, Limits};
 use support::{index, letter, message, recording, string};
-
-#[test]
-fn letters_of_a_message_transport_are_read() {
-    let mut read = 0;
-    for file in std::fs::read_dir(support::path("mts")).unwrap() {
-        let name = file.unwrap().file_name().into_string().unwrap();
-        let octets = recording(&format!("mts/{name}"));
-        if detect(&octets) != Form::BitEfficientEnvelope {
-            continue;
-        }
-        read += 1;
-        let letter = letter(octets.clone());
-        let length = letter.envelope.payload_length().unwrap();
-        assert_eq!(length, letter.payload.len() as u64, "{name}");
-        let (prefix, used) = decode_letter_prefix(&octets, &Limits::default()).unwrap();
-        assert_eq!((prefix, used), (letter.clone(), octets.len()), "{name}");
-        let stamps: Vec<_> = letter.envelope.stamps().collect();
-        assert!(stamps.iter().all(|stamp| stamp.by == *"mts-0"), "{name}");
-        assert!(
-            stamps
-                .iter()
-                .is_sorted_by_key(|stamp| stamp.date.unix_millis()),
-            "{name}"
-        );
-        let message = message(letter.payload);
-        assert!(message.sender.is_some(), "{name}");
-        let to = name.trim_end_matches(".bin").rsplit("_to_").next().unwrap();
-        assert_eq!(letter.envelope.intended_receiver()[0].name, *to, "{name}");
-    }
-    assert_eq!(read, 7);
-}
-
-#[test]
-fn a_dedicated_overlay_of_a_message_transport_is_older_than_its_neighbour_behind() {
-    let letter = letter(recording("mts/sent_03_to_agent-b.bin"));
-    let layers: Vec<_> = letter
-        .envelope
-        .overlays
-        .iter()
-        .map(|layer| (layer.received.is_some(), layer.intended_receiver.len()))
-        .collect();
-    assert_eq!(layers, [(true, 0), (false, 1)]);
-}
 
 /// What all messages of the recorded agent have in common.
 fn from_jade(act: Performative, case: &str) -> Message {
-    let agent = |name: &str, url: &str| fipa_acl::AgentId::new(name).address(url);
+    let agent = |name: &str, url: &str| AgentId::new(name).address(url);
     Message::new(act)
         .from_agent(agent("cap@capplat", "http://127.0.0.1:7780/acc"))
         .to(agent("pyagent@pyplat", "http://127.0.0.1:9990/acc"))
@@ -62,7 +21,7 @@ fn from_jade(act: Performative, case: &str) -> Message {
 /// The recorded cases as the agent made them, as far as the add-on writes them.
 fn jade_case(case: &str) -> Option<Message> {
     let request = from_jade(Performative::Request, case);
-    let at = |name: &str| fipa_acl::AgentId::new(name).address("http://127.0.0.1:9990/acc");
+    let at = |name: &str| AgentId::new(name).address("http://127.0.0.1:9990/acc");
     let two = |name: &str| at(name).address("http://127.0.0.1:9/acc");
     Some(match case {
         "basic" => request
@@ -172,51 +131,68 @@ fn the_first_message_with_a_code_table_is_read_and_the_next_is_unsupported() {
     }
 }
 
-#[test]
-fn envelopes_of_the_add_on_are_read() {
-    for (file, representation) in [
-        ("basic", Representation::BitEfficient),
-        ("stringrep", Representation::String),
-        ("xmlrep", Representation::Xml),
-    ] {
-        let letter = letter(recording(&format!("jade/be_envelope_{file}.bin")));
-        let envelope = &letter.envelope;
-        assert!(letter.payload.is_empty(), "{file}");
-        assert_eq!(envelope.acl_representation(), Some(&representation));
-        assert_eq!(envelope.payload_length(), Some(123));
-        assert_eq!(envelope.from().unwrap().name, *"a@platX");
-        assert_eq!(envelope.to(), envelope.intended_receiver());
-        assert_eq!(envelope.to()[0].addresses, ["http://127.0.0.1:2/acc"]);
-        assert_eq!(
-            envelope.date().unwrap().to_string(),
-            "2031-02-03T04:05:06.789Z"
-        );
+/// What all envelopes of the add-on say.
+fn base_of_add_on() -> Slots {
+    let agent = |name: &str, url: &str| AgentId::new(name).address(url);
+    let receiver = agent("b@platY", "http://127.0.0.1:2/acc");
+    Slots {
+        to: vec![receiver.clone()],
+        from: Some(agent("a@platX", "http://127.0.0.1:1/acc")),
+        date: Some("2031-02-03T04:05:06.789Z".parse().unwrap()),
+        intended_receiver: vec![receiver],
+        ..Slots::default()
+    }
+}
+
+/// One with all parameters.
+fn full_base_of_add_on() -> Slots {
+    Slots {
+        acl_representation: Some(Representation::Other("my.own.rep".into())),
+        comments: Some("a comment".into()),
+        payload_length: Some(70_000),
+        payload_encoding: Some("UTF-8".into()),
+        ..base_of_add_on()
     }
 }
 
 #[test]
-fn an_envelope_of_the_add_on_with_all_parameters_is_read() {
-    let base = letter(recording("jade/be_envelope_full.bin")).envelope.base;
-    assert_eq!(
-        base.acl_representation,
-        Some(Representation::Other("my.own.rep".into()))
-    );
-    assert_eq!(base.comments.unwrap(), *"a comment");
-    assert_eq!(base.payload_length, Some(70_000));
-    assert_eq!(base.payload_encoding.unwrap(), *"UTF-8");
+fn envelopes_of_the_add_on_are_read() {
+    let basic = |representation| Slots {
+        acl_representation: Some(representation),
+        payload_length: Some(123),
+        ..base_of_add_on()
+    };
+    for (file, base) in [
+        ("basic", basic(Representation::BitEfficient)),
+        ("stringrep", basic(Representation::String)),
+        ("xmlrep", basic(Representation::Xml)),
+        ("full", full_base_of_add_on()),
+    ] {
+        let letter = letter(recording(&format!("jade/be_envelope_{file}.bin")));
+        assert!(letter.payload.is_empty(), "{file}");
+        assert_eq!(letter.envelope, Envelope::new(base), "{file}");
+    }
 }
 
 #[test]
 fn a_stamp_of_the_add_on_with_a_code_in_front_is_read() {
     let octets = recording("jade/be_envelope_received.bin");
     let letter = decode_letter(&octets, &Limits::default()).unwrap();
-    assert_eq!(letter.envelope.overlays.len(), 1);
-    let [base, overlay] = letter.envelope.stamps().collect::<Vec<_>>()[..] else {
-        panic!("two stamps");
+    let received = Some(Received {
+        by: "http://127.0.0.1:2/acc".into(),
+        from: Some("http://127.0.0.1:1/acc".into()),
+        date: "2031-02-03T04:05:06.789Z".parse().unwrap(),
+        id: Some("id-1".into()),
+        via: Some("http".into()),
+        user_defined: Vec::new(),
+    });
+    let base = Slots {
+        received: received.clone(),
+        ..full_base_of_add_on()
     };
-    assert_eq!(base, overlay);
-    assert_eq!(overlay.by, *"http://127.0.0.1:2/acc");
-    assert_eq!(overlay.from.as_ref().unwrap(), "http://127.0.0.1:1/acc");
-    assert_eq!(overlay.id.as_ref().unwrap(), "id-1");
-    assert_eq!(overlay.via.as_ref().unwrap(), "http");
+    let overlays = vec![Slots {
+        received,
+        ..Slots::default()
+    }];
+    assert_eq!(letter.envelope, Envelope { base, overlays });
 }

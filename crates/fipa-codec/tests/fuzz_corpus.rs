@@ -7,9 +7,10 @@ use fipa_codec::fuzzing;
 /// A target and what it calls.
 type Target = (&'static str, fn(&[u8]));
 
-const TARGETS: [Target; 7] = [
+const TARGETS: [Target; 8] = [
     ("bit_efficient_message", fuzzing::bit_efficient_message),
     ("bit_efficient_letter", fuzzing::bit_efficient_letter),
+    ("code_table", fuzzing::code_table),
     ("string_message", fuzzing::string_message),
     ("xml_message", fuzzing::xml_message),
     ("xml_letter", fuzzing::xml_letter),

@@ -85,15 +85,15 @@ fn letters_are_read_by_their_first_octets() {
         let prefix = decode_letter_prefix(&more, &limits);
         assert_eq!(prefix, Ok((letter.clone(), octets.len())));
     }
-    for other in [
-        &b""[..],
-        b"(inform)",
-        b"<fipa-message act='inform'/>",
-        b"\xfa\x10\x08\x01",
+    for (other, offset) in [
+        (&b""[..], 0),
+        (b"(inform)", 0),
+        (b"<fipa-message act='inform'/>", 1),
+        (b"\xfa\x10\x08\x01", 0),
     ] {
         let other = Bytes::from_static(other);
         let malformed = |error: DecodeError| (error.offset, error.fault);
-        let expected = Err((0, Fault::Malformed));
+        let expected = Err((offset, Fault::Malformed));
         assert_eq!(
             decode_letter(&other, &limits).map(drop).map_err(malformed),
             expected

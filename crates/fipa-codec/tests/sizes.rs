@@ -3,6 +3,7 @@
 
 use bytes::Bytes;
 use fipa_acl::{AgentId, Envelope, FipaTime, Letter, Message, Performative, Representation, Slots};
+use fipa_codec::bit_efficient::{CodeTable, encode_message_with};
 use fipa_codec::{EnvelopeRepresentation, Output, encode_letter, encode_message};
 
 /// Octets of a message, and with either envelope around it.
@@ -47,6 +48,47 @@ fn sizes_are_those_of_the_table() {
         ];
         let expected = sizes.columns().map(|[ours, _]| ours);
         assert_eq!(measured, expected, "{:?}", sizes.representation);
+    }
+}
+
+/// A code table of so many entries, and octets of the bit-efficient message and of the letters
+/// around it: when the table is empty, and when the same message went before.
+struct WithTable {
+    entries: usize,
+    cold: [usize; 3],
+    warm: [usize; 3],
+}
+
+const WITH_TABLE: [WithTable; 2] = [
+    WithTable {
+        entries: 256,
+        cold: [155, 234, 640],
+        warm: [55, 134, 539],
+    },
+    WithTable {
+        entries: 65_536,
+        cold: [156, 235, 641],
+        warm: [64, 143, 548],
+    },
+];
+
+#[test]
+fn sizes_with_a_code_table_are_those_of_the_table() {
+    let representation = Representation::BitEfficient;
+    for sizes in WITH_TABLE {
+        let mut table = CodeTable::new(sizes.entries).unwrap();
+        for expected in [sizes.cold, sizes.warm] {
+            let mut out = Output::new();
+            encode_message_with(&message(), &mut table, &mut out).unwrap();
+            let message = out.take_bytes();
+            let letter = |form| letter(&representation, &message, form).len();
+            let measured = [
+                message.len(),
+                letter(EnvelopeRepresentation::BitEfficient),
+                letter(EnvelopeRepresentation::Xml),
+            ];
+            assert_eq!(measured, expected, "{} entries", sizes.entries);
+        }
     }
 }
 

@@ -3,27 +3,11 @@
 mod string_support;
 mod support;
 
-use bytes::Bytes;
 use fipa_acl::{AgentId, FipaTime, Message, Performative, Zone};
 use fipa_codec::string::decode_message;
 use fipa_codec::{Fault, Form, Limits, detect};
-use serde_json::Value;
 use string_support::{octets_of, read, refused};
-use support::{expected_message, index, recording, string};
-
-/// The entries of the index in string form of this kind: name, octets, entry.
-fn entries(kind: &str) -> Vec<(String, Bytes, Value)> {
-    let entries: Vec<_> = index("fipa_acl/index.json")
-        .into_iter()
-        .filter(|entry| entry["kind"] == kind && entry["representation"] == "string")
-        .map(|entry| {
-            let octets = recording(&format!("fipa_acl/{}", string(&entry["file"])));
-            (string(&entry["name"]), octets, entry)
-        })
-        .collect();
-    assert!(!entries.is_empty(), "no recording of kind {kind}");
-    entries
-}
+use support::{expected_message, fipa_acl, index, recording, string};
 
 /// Messages whose values are not all in their octets: the encoder writes the user-defined
 /// parameters of an agent directly behind its name, so that nobody can tell where it ends.
@@ -32,7 +16,7 @@ const LOST: [&str; 1] = ["receiver_userparams"];
 #[test]
 fn recorded_messages_have_the_values_of_the_index() {
     let mut equal = 0;
-    for (name, octets, entry) in entries("message") {
+    for (name, octets, entry) in fipa_acl("string", "message") {
         assert_eq!(detect(&octets), Form::String, "{name}");
         if LOST.contains(&&*name) {
             let agent_name = octets.windows(4).rposition(|here| here == b"recv").unwrap();
@@ -47,7 +31,7 @@ fn recorded_messages_have_the_values_of_the_index() {
 
 #[test]
 fn recorded_messages_come_back_unchanged() {
-    for (name, octets, _) in entries("message") {
+    for (name, octets, _) in fipa_acl("string", "message") {
         if LOST.contains(&&*name) {
             continue;
         }
@@ -62,7 +46,7 @@ fn recorded_messages_come_back_unchanged() {
 
 #[test]
 fn recorded_contents_share_the_input() {
-    for (name, octets, _) in entries("message") {
+    for (name, octets, _) in fipa_acl("string", "message") {
         let Ok(message) = decode_message(&octets, &Limits::default()) else {
             continue;
         };
@@ -97,7 +81,7 @@ fn decode_only(name: &str) -> Message {
 
 #[test]
 fn hand_written_messages_mean_what_the_standard_says() {
-    for (name, octets, _) in entries("decode-only-message") {
+    for (name, octets, _) in fipa_acl("string", "decode-only-message") {
         assert_eq!(read(octets), decode_only(&name), "{name}");
     }
 }
@@ -115,22 +99,4 @@ fn payloads_in_string_form_of_recorded_envelopes_are_read() {
         read_ones += 1;
     }
     assert!(read_ones > 4, "{read_ones} payloads");
-}
-
-#[test]
-fn messages_of_a_message_transport_in_string_form_are_read() {
-    let mut read_ones = 0;
-    for file in std::fs::read_dir(support::path("mts")).unwrap() {
-        let name = file.unwrap().file_name().into_string().unwrap();
-        let octets = recording(&format!("mts/{name}"));
-        let end = b"</envelope>";
-        let Some(at) = octets.windows(end.len()).position(|here| here == end) else {
-            continue;
-        };
-        let message = read(octets.slice(at + end.len()..));
-        assert!(message.sender.is_some(), "{name}");
-        assert!(message.content.is_some(), "{name}");
-        read_ones += 1;
-    }
-    assert!(read_ones > 0);
 }

@@ -1,10 +1,12 @@
 //! What holds for all messages and inputs, in string form.
 
+mod input_support;
 mod string_support;
 
 use bytes::Bytes;
 use fipa_codec::string::{decode_message, decode_message_prefix, encode_message};
 use fipa_codec::{Fault, Form, Limits, Output, detect};
+use input_support::{limits, mutated};
 use proptest::prelude::*;
 use string_support::{messages, octets_of};
 
@@ -15,16 +17,17 @@ fn ends_in_an_inner_quote(text: &[u8]) -> bool {
     quote.is_some_and(|quote| text[..quote].ends_with(b"\\"))
 }
 
+/// Octets that have a meaning in the form.
+const MEANING: &[u8] = b" \"\\#():0123456789X-";
+
+fn mutated_messages() -> impl Strategy<Value = Vec<u8>> {
+    mutated(messages().prop_map(|message| octets_of(&message)), MEANING)
+}
+
 /// Calls everything that reads.
 fn read_all(octets: &[u8]) {
     let octets = Bytes::copy_from_slice(octets);
-    let small = Limits {
-        max_octets: 100,
-        max_depth: 2,
-        max_items: 5,
-        max_layers: 2,
-    };
-    for limits in [Limits::default(), small] {
+    for limits in limits() {
         for result in [
             decode_message(&octets, &limits).map(|_| octets.len()),
             decode_message_prefix(&octets, &limits).map(|(_, used)| used),
@@ -33,27 +36,6 @@ fn read_all(octets: &[u8]) {
         }
     }
     detect(&octets);
-}
-
-/// Some octets of a valid input replaced, removed or doubled.
-fn mutated() -> impl Strategy<Value = Vec<u8>> {
-    let octet = prop_oneof![
-        any::<u8>(),
-        prop::sample::select(b" \"\\#():0123456789X-".to_vec())
-    ];
-    let changes = prop::collection::vec((any::<prop::sample::Index>(), octet, 0..3), 1..4);
-    (messages(), changes).prop_map(|(message, changes)| {
-        let mut octets = octets_of(&message).to_vec();
-        for (index, octet, kind) in changes {
-            let at = index.index(octets.len());
-            match kind {
-                0 => octets[at] = octet,
-                1 if octets.len() > 1 => drop(octets.remove(at)),
-                _ => octets.insert(at, octet),
-            }
-        }
-        octets
-    })
 }
 
 proptest! {
@@ -102,12 +84,12 @@ proptest! {
     }
 
     #[test]
-    fn mutated_messages_do_no_harm(octets in mutated()) {
+    fn mutated_messages_do_no_harm(octets in mutated_messages()) {
         read_all(&octets);
     }
 
     #[test]
-    fn what_was_read_and_can_be_written_stays_the_same(octets in mutated()) {
+    fn what_was_read_and_can_be_written_stays_the_same(octets in mutated_messages()) {
         if let Ok(message) = decode_message(&octets.into(), &Limits::default()) {
             let mut out = Output::new();
             if encode_message(&message, &mut out).is_ok() {

@@ -8,27 +8,10 @@ use fipa_acl::{
     AgentId, Envelope, FipaTime, Letter, Message, Performative, Received, Representation, Slots,
     Zone,
 };
-use fipa_codec::xml::{
-    decode_envelope, decode_letter, decode_letter_prefix, decode_message, encode_letter,
-};
+use fipa_codec::xml::{decode_envelope, decode_letter, decode_message, encode_letter};
 use fipa_codec::{Fault, Limits, Output};
-use serde_json::Value;
-use support::{expected_message, expected_slots, index, recording, string};
+use support::{expected_message, expected_slots, fipa_acl, recording, string};
 use xml_support::{read, read_letter, written};
-
-/// The entries in XML of this kind: name, octets, entry.
-fn fipa_acl(kind: &str) -> Vec<(String, Bytes, Value)> {
-    let entries: Vec<_> = index("fipa_acl/index.json")
-        .into_iter()
-        .filter(|entry| entry["kind"] == kind && entry["representation"] == "xml")
-        .map(|entry| {
-            let octets = recording(&format!("fipa_acl/{}", string(&entry["file"])));
-            (string(&entry["name"]), octets, entry)
-        })
-        .collect();
-    assert!(!entries.is_empty(), "no recording of kind {kind}");
-    entries
-}
 
 /// What the encoder of the peer loses.
 fn as_written(mut message: Message) -> Message {
@@ -42,7 +25,7 @@ fn as_written(mut message: Message) -> Message {
 
 #[test]
 fn recorded_messages_have_the_values_of_the_index() {
-    let entries = fipa_acl("message");
+    let entries = fipa_acl("xml", "message");
     for (name, octets, entry) in &entries {
         let expected = as_written(expected_message(&entry["message"]));
         assert!(read(octets) == expected, "{name}: {expected:?}");
@@ -66,7 +49,7 @@ fn recorded_messages_have_the_values_of_the_index() {
 
 #[test]
 fn recorded_messages_come_back_unchanged() {
-    for (name, octets, _) in fipa_acl("message") {
+    for (name, octets, _) in fipa_acl("xml", "message") {
         let mut message = read(octets);
         if let Some(FipaTime::Absolute { zone, .. }) = &mut message.reply_by {
             *zone = Zone::Utc;
@@ -83,7 +66,7 @@ fn without_behaviour(mut slots: Slots) -> Slots {
 
 #[test]
 fn recorded_envelopes_have_the_layers_of_the_index() {
-    for (name, octets, entry) in fipa_acl("envelope") {
+    for (name, octets, entry) in fipa_acl("xml", "envelope") {
         let envelope = &entry["envelope"];
         let extra = envelope["extra"].as_array().unwrap().iter();
         let expected = Envelope {
@@ -102,7 +85,7 @@ fn recorded_envelopes_have_the_layers_of_the_index() {
 
 #[test]
 fn payloads_of_recorded_envelopes_are_the_recorded_ones() {
-    for (name, octets, entry) in fipa_acl("envelope") {
+    for (name, octets, entry) in fipa_acl("xml", "envelope") {
         let payload = read_letter(octets).payload;
         let file = string(&entry["payload_file"]);
         assert_eq!(payload, recording(&format!("fipa_acl/{file}")), "{name}");
@@ -115,7 +98,7 @@ fn payloads_of_recorded_envelopes_are_the_recorded_ones() {
 
 #[test]
 fn recorded_envelopes_come_back_unchanged() {
-    for (name, octets, _) in fipa_acl("envelope") {
+    for (name, octets, _) in fipa_acl("xml", "envelope") {
         let mut letter = read_letter(octets);
         let mut out = Output::new();
         encode_letter(&letter, &mut out).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -137,7 +120,7 @@ fn in_utc(envelope: &mut Envelope) {
 
 #[test]
 fn hand_written_messages_mean_what_the_standard_says() {
-    for (name, octets, _) in fipa_acl("decode-only-message") {
+    for (name, octets, _) in fipa_acl("xml", "decode-only-message") {
         let expected = match name.as_str() {
             // What is unknown is ignored.
             "dec_xml_unknown_elem" => Ok(Message::new(Performative::Inform)),
@@ -171,7 +154,7 @@ fn stamp(by: &str, id: Option<&str>) -> Option<Received> {
 
 #[test]
 fn hand_written_envelopes_mean_what_the_standard_says() {
-    for (name, octets, _) in fipa_acl("decode-only-envelope") {
+    for (name, octets, _) in fipa_acl("xml", "decode-only-envelope") {
         let expected = match name.as_str() {
             "decenv_spec_example" => Slots {
                 to: vec![AgentId::new("receiver@foo.com").address("http://foo.com/acc")],
@@ -202,37 +185,6 @@ fn hand_written_envelopes_mean_what_the_standard_says() {
             Ok(letter),
             "{name}"
         );
-    }
-}
-
-#[test]
-fn letters_of_a_message_transport_to_jade_are_read() {
-    for (file, to) in [
-        ("sent_01_to_jade", "jade@1.2:1099/JADE"),
-        ("sent_06_to_jade", ".*"),
-    ] {
-        let octets = recording(&format!("mts/{file}.bin"));
-        let (letter, used) = decode_letter_prefix(&octets, &Limits::default()).unwrap();
-        assert_eq!(used, octets.len(), "{file}");
-        let envelope = &letter.envelope;
-        assert_eq!(envelope.overlays.len(), 3, "{file}");
-        assert_eq!(envelope.payload_length(), Some(letter.payload.len() as u64));
-        assert_eq!(envelope.acl_representation(), Some(&Representation::String));
-        assert_eq!(
-            envelope.base.acl_representation,
-            Some(Representation::BitEfficient)
-        );
-        assert_eq!(envelope.to(), [AgentId::new(to)]);
-        // It replaces a full stop, which has a meaning to it in names.
-        assert_eq!(
-            envelope.intended_receiver(),
-            [AgentId::new("jade@1?2:1099/JADE")]
-        );
-        let from = AgentId::new("agent-a").address("tcp://10.99.0.1:44317");
-        assert_eq!(envelope.from(), Some(&from));
-        let stamps: Vec<_> = envelope.stamps().map(|stamp| &*stamp.by).collect();
-        assert_eq!(stamps, ["mts-0"], "{file}");
-        assert!(letter.payload.starts_with(b"(request:sender"), "{file}");
     }
 }
 

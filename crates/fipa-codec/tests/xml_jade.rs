@@ -4,9 +4,11 @@ mod support;
 mod xml_support;
 
 use bytes::Bytes;
-use fipa_acl::{AgentId, Envelope, Expression, FipaTime, Message, Representation, Slots, Zone};
+use fipa_acl::{
+    AgentId, Envelope, Expression, FipaTime, Message, Performative, Representation, Slots, Zone,
+};
 use fipa_codec::xml::{decode_letter_prefix, decode_message};
-use fipa_codec::{Fault, Form, Limits, bit_efficient, detect, xml};
+use fipa_codec::{Fault, Form, Limits, bit_efficient, decode_payload, detect, xml};
 use support::{index, message as bit_efficient_message, path, recording, string};
 use xml_support::{read, read_envelope};
 
@@ -260,13 +262,26 @@ fn check_envelope(file: &str, case: &str, envelope: &Envelope) {
 fn a_letter_of_the_bridge_over_tcp_is_read() {
     let octets = recording("jade/tcp_mtp_jade_to_rock.bin");
     let (letter, used) = decode_letter_prefix(&octets, &Limits::default()).unwrap();
-    assert_eq!(letter.envelope.payload_length(), Some(224));
+    let rock = AgentId::new("rock_agent").address("tcp://127.0.0.1:9993");
+    let jade = AgentId::new("jadeagent@10.0.0.1:1099/JADE");
+    let base = Slots {
+        to: vec![rock.clone()],
+        from: Some(jade.clone()),
+        acl_representation: Some(Representation::String),
+        payload_length: Some(224),
+        date: Some(local("2031-02-03T04:05:06.789")),
+        intended_receiver: vec![rock.clone()],
+        ..Slots::default()
+    };
+    assert_eq!(letter.envelope, Envelope::new(base));
     assert_eq!((letter.payload.len(), used), (224, octets.len()));
-    assert_eq!(
-        letter.envelope.base.date,
-        Some(local("2031-02-03T04:05:06.789"))
-    );
-    assert!(letter.payload.starts_with(b"(REQUEST\n :sender"));
+    let message = decode_payload(&letter.envelope, &letter.payload, &Limits::default());
+    let expected = Message::new(Performative::Request)
+        .from_agent(jade)
+        .to(rock)
+        .content("hello rock")
+        .conversation_id("c1");
+    assert_eq!(message, Ok(expected));
 }
 
 #[test]

@@ -31,9 +31,15 @@ pub struct LetterForm {
 pub enum EnvelopeForm {
     /// From `envelope`: the base holds the values, and each stamp is one overlay.
     Flattened(Box<Envelope>),
-    /// From `layers`: the base and the overlays, one at least, in the order given. Which of them
-    /// is the base is up to the representation in which they are written.
-    Layers(Vec<Slots>),
+    /// From `layers`: the base and the overlays, one at least, in the order given.
+    Layers {
+        /// The layers. Which of them is the base is up to the representation in which they are
+        /// written.
+        layers: Vec<Slots>,
+        /// What stood beside them as `envelope`: it tells which overlay is the newest one, where
+        /// the representation leaves that open.
+        flattened: Option<Box<Envelope>>,
+    },
 }
 
 /// A letter as `{"envelope":{…},"message":{…}}`, or with `payload` for one that was not opened.
@@ -75,15 +81,16 @@ pub fn raw_letter_to_json<'a>(
 /// an `envelope` or `layers`, and either a `message` or a `payload`.
 pub fn letter_from_json(value: &Value) -> Result<LetterForm, JsonError> {
     let fields = Fields::new(value, &["envelope", "layers", "message", "payload"])?;
-    // Read even if layers win: what is wrong in it is not to be lost silently.
-    let flattened = fields.optional("envelope", flattened_from_json)?;
+    let flattened = fields
+        .optional("envelope", flattened_from_json)?
+        .map(Box::new);
     let layers = fields.list("layers", layer_from_json)?;
     let envelope = match (fields.has("layers"), flattened) {
         (true, _) if layers.is_empty() => {
             return Err(JsonError::expected("one envelope at least").under("layers"));
         }
-        (true, _) => EnvelopeForm::Layers(layers),
-        (false, Some(envelope)) => EnvelopeForm::Flattened(Box::new(envelope)),
+        (true, flattened) => EnvelopeForm::Layers { layers, flattened },
+        (false, Some(envelope)) => EnvelopeForm::Flattened(envelope),
         (false, None) => return Err(JsonError::new("missing").under("envelope")),
     };
     let message = fields.optional("message", message_from_json)?;

@@ -16,7 +16,8 @@ pub enum InvalidToken {
 impl FipaTime {
     /// Reads DateTimeToken of FIPA SC00070I and SC00008I, as a point in time in UTC or a span.
     ///
-    /// The milliseconds may be missing, and the zone may be an offset such as `+0100`.
+    /// The milliseconds may be missing, and the zone may be an offset such as `+0100`. JADE has a
+    /// `Z` where the `T` belongs, and any letter is taken there.
     ///
     /// ```
     /// use fipa_acl::FipaTime;
@@ -73,7 +74,7 @@ fn parse(token: &[u8]) -> Result<FipaTime, InvalidToken> {
         _ => (None, token),
     };
     let (date, text) = text.split_at_checked(8).ok_or(InvalidToken::Shape)?;
-    let [b'T' | b't', text @ ..] = text else {
+    let [b'A'..=b'Z' | b'a'..=b'z', text @ ..] = text else {
         return Err(InvalidToken::Shape);
     };
     let digits = text.iter().take_while(|octet| octet.is_ascii_digit());
@@ -87,25 +88,32 @@ fn parse(token: &[u8]) -> Result<FipaTime, InvalidToken> {
     .ok_or(InvalidToken::NoSuchDate)
 }
 
-/// What a zone adds to UTC, in milliseconds: a letter of the military zones, of which `J` is the
-/// local time of somebody, or hours and minutes.
+/// What a zone adds to UTC, in milliseconds: a letter, or hours and minutes.
 fn offset_of(zone: &[u8]) -> Option<(i64, Zone)> {
-    let letter = match zone {
-        [] => return Some((0, Zone::Unspecified)),
-        [letter] => letter.to_ascii_uppercase(),
-        [b'+', digits @ ..] => return Some((offset_of_digits(digits)?, Zone::Utc)),
-        [b'-', digits @ ..] => return Some((-offset_of_digits(digits)?, Zone::Utc)),
-        _ => return None,
-    };
-    let hours = match letter {
-        b'Z' => 0,
-        b'A'..=b'I' => i64::from(letter - b'A') + 1,
-        b'J' => return Some((0, Zone::Unspecified)),
-        b'K'..=b'M' => i64::from(letter - b'K') + 10,
-        b'N'..=b'Y' => -i64::from(letter - b'N') - 1,
-        _ => return None,
-    };
-    Some((hours * 60 * MINUTE, Zone::Utc))
+    match zone {
+        [] => Some((0, Zone::Unspecified)),
+        [letter] => Zone::of_letter(*letter),
+        [b'+', digits @ ..] => Some((offset_of_digits(digits)?, Zone::Utc)),
+        [b'-', digits @ ..] => Some((-offset_of_digits(digits)?, Zone::Utc)),
+        _ => None,
+    }
+}
+
+impl Zone {
+    /// What a letter of the military zones adds to UTC, in milliseconds, and the zone of a point in
+    /// time that it stands behind once that is in UTC. `J` is the local time of somebody.
+    pub fn of_letter(letter: u8) -> Option<(i64, Zone)> {
+        let letter = letter.to_ascii_uppercase();
+        let hours = match letter {
+            b'Z' => 0,
+            b'A'..=b'I' => i64::from(letter - b'A') + 1,
+            b'J' => return Some((0, Zone::Unspecified)),
+            b'K'..=b'M' => i64::from(letter - b'K') + 10,
+            b'N'..=b'Y' => -i64::from(letter - b'N') - 1,
+            _ => return None,
+        };
+        Some((hours * 60 * MINUTE, Zone::Utc))
+    }
 }
 
 fn offset_of_digits(digits: &[u8]) -> Option<i64> {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use bytes::Bytes;
 use fipa_acl::Letter;
-use fipa_codec::{DecodeError, EnvelopeRepresentation};
+use fipa_codec::DecodeError;
 use fipa_json::{letter_to_json, message_to_json, raw_letter_to_json};
 use serde_json::Value;
 
@@ -61,20 +61,16 @@ pub fn decode(input: &Bytes, args: &Args, output: &mut dyn Write) -> Result<(), 
         let (item, end) = decoder.item(input, at)?;
         let json = match item {
             Item::Message(message) => message_to_json(&message),
-            Item::Letter { letter, rep } if args.raw => {
+            Item::Letter(letter) if args.raw => {
                 decoder.learn(&letter);
-                raw_letter_json(&letter, rep)
+                raw_letter_to_json(&letter, &decoder.layers(input, at)?)
             }
-            Item::Letter { letter, .. } => letter_json(&mut decoder, &letter, end)?,
+            Item::Letter(letter) => letter_json(&mut decoder, &letter, end)?,
         };
         writeln!(output, "{json}")?;
         at = forms::behind_blanks(input, end);
     }
     Ok(())
-}
-
-fn raw_letter_json(letter: &Letter, rep: EnvelopeRepresentation) -> Value {
-    raw_letter_to_json(letter, forms::layers_on_the_wire(&letter.envelope, rep))
 }
 
 /// The form of a letter that ends at `end` of the input.

@@ -1,5 +1,5 @@
 use bytes::Bytes;
-use fipa_acl::{Letter, Message, Representation};
+use fipa_acl::{Letter, Message, Representation, Slots};
 use fipa_codec::bit_efficient::{self, CodeTable};
 use fipa_codec::{DecodeError, EnvelopeRepresentation, Fault, Form, Limits};
 use fipa_json::Body;
@@ -21,12 +21,7 @@ pub enum Item {
     /// A bare message.
     Message(Box<Message>),
     /// A letter, its payload unopened: see [`Decoder::payload`].
-    Letter {
-        /// The letter.
-        letter: Box<Letter>,
-        /// The representation of its envelope.
-        rep: EnvelopeRepresentation,
-    },
+    Letter(Box<Letter>),
 }
 
 /// Reads what follows each other in one input.
@@ -84,6 +79,15 @@ impl Decoder {
         }
     }
 
+    /// The layers of the envelope that begins at `at` of the input, in the order of the wire.
+    ///
+    /// # Errors
+    /// No envelope begins there.
+    pub fn layers(&self, input: &Bytes, at: usize) -> Result<Vec<Slots>, DecodeError> {
+        fipa_codec::decode_layers(&input.slice(at..), &self.limits)
+            .map_err(|error| moved(error, at))
+    }
+
     /// Lets the code table learn what the message of a letter adds to it: whoever shows the payload
     /// unopened must do so, or what follows cannot be read.
     pub fn learn(&mut self, letter: &Letter) {
@@ -94,10 +98,9 @@ impl Decoder {
     }
 
     fn first(&mut self, input: &Bytes) -> Result<(Item, usize), DecodeError> {
-        if let Some(rep) = EnvelopeRepresentation::detect(input) {
+        if EnvelopeRepresentation::detect(input).is_some() {
             let (letter, len) = fipa_codec::decode_letter_prefix(input, &self.limits)?;
-            let letter = Box::new(letter);
-            return Ok((Item::Letter { letter, rep }, len));
+            return Ok((Item::Letter(Box::new(letter)), len));
         }
         if self.expected.letter {
             return Err(malformed(0, "no letter begins here"));

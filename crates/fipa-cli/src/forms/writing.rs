@@ -4,7 +4,8 @@ use fipa_codec::bit_efficient::{self, CodeTable};
 use fipa_codec::{EncodeError, EnvelopeRepresentation, Output};
 use fipa_json::{Body, EnvelopeForm, LetterForm};
 
-use super::{EnvelopeRep, Rep, envelope_of_layers};
+use super::layers::encode_layers;
+use super::{EnvelopeRep, Rep};
 
 /// Writes what follows each other in one output.
 #[derive(Debug)]
@@ -55,7 +56,11 @@ impl Encoder {
             Body::Payload(payload) => (payload, false),
         };
         let envelope = match letter.envelope {
-            EnvelopeForm::Layers(layers) => envelope_of_layers(layers, rep),
+            EnvelopeForm::Layers { layers, flattened } => {
+                encode_layers(layers, flattened.as_deref(), rep, output)?;
+                output.put_shared(&payload);
+                return Ok(());
+            }
             EnvelopeForm::Flattened(envelope) if is_encoded_here => {
                 self.envelope_for(*envelope, &payload)
             }

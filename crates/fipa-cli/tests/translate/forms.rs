@@ -196,6 +196,24 @@ fn envelope_insists_on_a_letter_in_any_form() {
     }
 }
 
+/// Hours beyond those of a day are carried into days as long as these have two digits.
+#[test]
+fn a_span_that_is_shown_can_be_encoded() {
+    for (fields, shown) in [
+        ("00000097T480000000", "+P99D"),
+        ("00000098T480000000", "+P98DT48H"),
+        ("00009999T999999999", "+P99M99DT99H99M99.999S"),
+    ] {
+        let octets = format!("(inform :reply-by +{fields})");
+        let message = &decoded(&[], octets.as_bytes())[0];
+        assert_eq!(message["reply-by"], shown);
+        for rep in REPS {
+            let again = &decoded(&[], &encoded(rep, &[], message))[0];
+            assert_eq!(again, message, "{rep}");
+        }
+    }
+}
+
 #[test]
 fn layers_stand_in_the_order_of_the_wire() {
     let shown = |envelope_rep| {

@@ -233,7 +233,8 @@ fn letters_of_jade_survive_the_way_through_json() {
 #[test]
 fn letters_in_recorded_requests_are_read() {
     let mut count = 0;
-    for path in files("jade", ".req.http") {
+    let xml = |path: &PathBuf| path.to_str().is_some_and(|path| path.contains("xml"));
+    for path in files("jade", ".req.http").into_iter().filter(xml) {
         let request = std::fs::read_to_string(&path).unwrap();
         let (envelope, payload) = parts(&request);
         let octets = format!("{envelope}{payload}");

@@ -17,6 +17,23 @@ struct LayerHead {
 impl Reader<'_> {
     /// ExtEnvelope* BaseEnvelope of SC00088D, into its place; tells where the base begins.
     pub(super) fn envelope(&mut self, envelope: &mut Envelope) -> Result<usize, DecodeError> {
+        let (overlays, begin) = self.layers(&mut envelope.base)?;
+        envelope.overlays = travel_order(overlays);
+        Ok(begin)
+    }
+
+    /// ExtEnvelope* BaseEnvelope of SC00088D, each where it stands.
+    pub(super) fn layers_as_they_stand(&mut self) -> Result<Vec<Slots>, DecodeError> {
+        let mut base = Slots::default();
+        let (overlays, _) = self.layers(&mut base)?;
+        let overlays = overlays.into_iter().map(|(slots, _)| slots);
+        Ok(overlays.chain([base]).collect())
+    }
+
+    /// The overlays as they stand there, with whether their announced lengths are true; reads the
+    /// base into its place, and tells where it begins.
+    #[inline]
+    fn layers(&mut self, base: &mut Slots) -> Result<(Vec<(Slots, bool)>, usize), DecodeError> {
         let mut overlays = Vec::new();
         loop {
             self.check_layers(overlays.len() + 1)?;
@@ -24,9 +41,8 @@ impl Reader<'_> {
                 0xfd => overlays.push(self.overlay()?),
                 0xfe => {
                     let begin = self.position() - 1;
-                    self.base(&mut envelope.base)?;
-                    envelope.overlays = travel_order(overlays);
-                    return Ok(begin);
+                    self.base(base)?;
+                    return Ok((overlays, begin));
                 }
                 _ => return Err(self.unexpected("no envelope begins like this")),
             }

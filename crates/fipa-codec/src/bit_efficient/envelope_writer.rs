@@ -5,8 +5,9 @@ use super::agents_writer::{write_agent, write_agents, write_any, write_text};
 use super::numbers::write_digits;
 use super::options::{Newest, WriteOptions};
 use super::times::write_time;
-use super::writer::{decimal, write_null_terminated, write_user_text};
+use super::writer::{write_null_terminated, write_user_text};
 use crate::EncodeError;
+use crate::decimal::Decimal;
 
 /// ExtEnvelope* BaseEnvelope of SC00088D, around a payload of so many octets.
 pub(super) fn write_envelope(
@@ -111,9 +112,8 @@ fn write_slots(
     write_text(0x05, &slots.comments, "comments", out)?;
     let stated = slots.payload_length;
     if let Some(length) = stated.or(options.every_payload_length.then_some(payload)) {
-        let (digits, start) = decimal(length);
         out.put_slice(&[0x06, 0x12]);
-        write_digits(digits.get(start..).unwrap_or_default(), out);
+        write_digits(Decimal::new(length).as_bytes(), out);
     }
     write_text(0x07, &slots.payload_encoding, "payload-encoding", out)?;
     write_agents(0x09, &slots.intended_receiver, "intended-receiver", out)?;

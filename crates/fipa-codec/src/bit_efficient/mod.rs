@@ -32,7 +32,7 @@ pub(crate) use self::options::{Newest, WriteOptions};
 pub use self::overlay::{InsertError, insert_overlay_as};
 use self::reader::Reader;
 pub use self::with_table::{decode_message_prefix_with, decode_message_with, encode_message_with};
-use crate::{DecodeError, Dialect, EncodeError, Fault, Limits, Output};
+use crate::{DecodeError, Dialect, EncodeError, Limits, Output, letter};
 
 /// Reads a message (SC00069G section 2) that fills the whole input; line ends behind it are
 /// ignored.
@@ -78,11 +78,18 @@ pub fn decode_envelope(bytes: &Bytes, limits: &Limits) -> Result<(Envelope, usiz
     Ok((envelope, reader.position()))
 }
 
+/// The layers of the envelope (SC00088D section 2) at the beginning of the input as they stand
+/// there: the base is last, and the newest overlay is in front or, from some peers, directly in
+/// front of the base.
+pub fn decode_layers(bytes: &Bytes, limits: &Limits) -> Result<Vec<Slots>, DecodeError> {
+    Reader::new(bytes, limits).layers_as_they_stand()
+}
+
 /// Reads a letter (SC00088D section 2) that fills the whole input: what follows the envelope is
 /// the payload, whatever its announced length is.
 pub fn decode_letter(bytes: &Bytes, limits: &Limits) -> Result<Letter, DecodeError> {
     let (envelope, begin) = decode_envelope(bytes, limits)?;
-    letter(envelope, bytes, begin..bytes.len(), limits)
+    letter::around(envelope, bytes, begin..bytes.len(), limits)
 }
 
 /// Reads the letter (SC00088D section 2) at the beginning of the input, and tells how many octets
@@ -93,12 +100,7 @@ pub fn decode_letter_prefix(
     limits: &Limits,
 ) -> Result<(Letter, usize), DecodeError> {
     let (envelope, begin) = decode_envelope(bytes, limits)?;
-    let announced = envelope
-        .payload_length()
-        .and_then(|length| begin.checked_add(usize::try_from(length).ok()?));
-    let end = announced.unwrap_or(usize::MAX);
-    let end = if end > bytes.len() { bytes.len() } else { end };
-    Ok((letter(envelope, bytes, begin..end, limits)?, end))
+    letter::prefix(envelope, bytes, begin, limits)
 }
 
 /// Appends a letter (SC00088D section 2): its overlays from the newest to the oldest, its base and
@@ -146,6 +148,22 @@ pub fn encode_envelope_as(
     })
 }
 
+/// Appends an envelope whose newest overlay stands last, directly in front of the base, as
+/// fipa_services has it; on an error `out` is as before.
+///
+/// By the lengths that fipa_services announces readers know the order. All else is by the
+/// standard: to write to fipa_services there is [`encode_envelope_as`].
+pub fn encode_envelope_newest_last(
+    envelope: &Envelope,
+    out: &mut Output,
+) -> Result<(), EncodeError> {
+    const OPTIONS: WriteOptions = WriteOptions {
+        newest: Newest::Last,
+        ..WriteOptions::STRICT
+    };
+    out.all_or_nothing(|out| envelope_writer::write_envelope(envelope, 0, &OPTIONS, out.buffer()))
+}
+
 /// Appends one overlay (SC00088D section 2.2): what a message transport service puts in front of
 /// the letter that it received. On an error `out` is as before.
 pub fn encode_overlay(overlay: &Slots, out: &mut Output) -> Result<(), EncodeError> {
@@ -155,20 +173,3 @@ pub fn encode_overlay(overlay: &Slots, out: &mut Output) -> Result<(), EncodeErr
 
 /// Octets of an ordinary envelope.
 const ENVELOPE: usize = 512;
-
-fn letter(
-    envelope: Envelope,
-    bytes: &Bytes,
-    payload: std::ops::Range<usize>,
-    limits: &Limits,
-) -> Result<Letter, DecodeError> {
-    if payload.end > limits.max_octets {
-        return Err(DecodeError {
-            offset: limits.max_octets,
-            fault: Fault::Limit,
-            what: "too long",
-        });
-    }
-    let payload = bytes.slice(payload);
-    Ok(Letter { envelope, payload })
-}

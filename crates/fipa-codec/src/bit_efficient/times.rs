@@ -3,7 +3,7 @@ use fipa_acl::{CivilTime, FipaTime, Relative, Zone};
 
 use super::options::WriteOptions;
 use super::reader::Reader;
-use crate::{DecodeError, EncodeError, Fault};
+use crate::{DecodeError, EncodeError, Fault, dates};
 
 /// The number below 100 that stands in an octet as two digits, for every octet.
 const PAIRS: [u8; 256] = pairs();
@@ -20,8 +20,6 @@ const fn pairs() -> [u8; 256] {
     }
     pairs
 }
-
-const HOUR: i64 = 3_600_000;
 
 /// BinDateTimeToken of SC00069G, as a point in time in UTC or a span.
 pub(super) fn read_time(reader: &mut Reader<'_>) -> Result<FipaTime, DecodeError> {
@@ -49,18 +47,10 @@ pub(super) fn read_time(reader: &mut Reader<'_>) -> Result<FipaTime, DecodeError
     time.ok_or_else(|| wrong(Fault::Violation, "no such date"))
 }
 
-/// What a zone letter adds to UTC, in milliseconds. `J` is the local time of somebody.
+/// What a zone letter adds to UTC, in milliseconds.
 fn zone(reader: &mut Reader<'_>) -> Result<(i64, Zone), DecodeError> {
-    let letter = reader.octet()?.to_ascii_uppercase();
-    let hours = match letter {
-        b'Z' => 0,
-        b'A'..=b'I' => i64::from(letter - b'A') + 1,
-        b'J' => return Ok((0, Zone::Unspecified)),
-        b'K'..=b'M' => i64::from(letter - b'K') + 10,
-        b'N'..=b'Y' => -i64::from(letter - b'N') - 1,
-        _ => return Err(reader.unexpected("a time zone is one letter")),
-    };
-    Ok((hours * HOUR, Zone::Utc))
+    let letter = reader.octet()?;
+    Zone::of_letter(letter).ok_or_else(|| reader.unexpected("a time zone is one letter"))
 }
 
 /// Year, month, day, hour, minute, second, millisecond.
@@ -112,8 +102,7 @@ impl Fields {
             second: u8::try_from(second).ok()?,
             millis,
         };
-        let unix_millis = local.to_unix_millis().ok()? - offset;
-        is_writable(unix_millis).then_some(FipaTime::Absolute { unix_millis, zone })
+        dates::absolute(local, offset, zone)
     }
 
     fn relative(&self, negative: bool) -> Option<FipaTime> {
@@ -150,11 +139,6 @@ fn field(octets: &[u8]) -> Option<u16> {
     (digits > 0).then_some(number)
 }
 
-/// Whether the year has four digits.
-fn is_writable(unix_millis: i64) -> bool {
-    FipaTime::from_unix_millis(unix_millis).unix_millis() == Some(unix_millis)
-}
-
 /// A point in time in UTC, or a span.
 pub(super) fn write_time(
     time: &FipaTime,
@@ -162,21 +146,19 @@ pub(super) fn write_time(
     options: &WriteOptions,
     out: &mut BytesMut,
 ) -> Result<(), EncodeError> {
-    let wrong = |what| EncodeError { parameter, what };
     match time {
-        FipaTime::Absolute { unix_millis, .. } if !is_writable(*unix_millis) => {
-            Err(wrong("the year is not within 0000 and 9999"))
-        }
-        FipaTime::Absolute { unix_millis, .. } => {
-            write_absolute(*unix_millis, options, out);
-            Ok(())
-        }
-        FipaTime::Relative(span) => write_relative(span, out).map_err(wrong),
+        FipaTime::Absolute { unix_millis, .. } => write_absolute(*unix_millis, options, out),
+        FipaTime::Relative(span) => write_relative(span, out),
     }
+    .map_err(|what| EncodeError { parameter, what })
 }
 
-fn write_absolute(unix_millis: i64, options: &WriteOptions, out: &mut BytesMut) {
-    let t = CivilTime::from_unix_millis(unix_millis);
+fn write_absolute(
+    unix_millis: i64,
+    options: &WriteOptions,
+    out: &mut BytesMut,
+) -> Result<(), &'static str> {
+    let t = dates::civil(unix_millis)?;
     let days = [t.month, t.day, t.hour, t.minute, t.second];
     let fields = coded_fields(t.year, days, t.millis);
     let [y1, y2, month, day, hour, minute, second, m1, m2] = fields;
@@ -187,19 +169,11 @@ fn write_absolute(unix_millis: i64, options: &WriteOptions, out: &mut BytesMut) 
         let (m1, m2) = (0x10 | m1 >> 4, m1 << 4 | m2 >> 4);
         out.put_slice(&[0x20, y1, y2, month, day, hour, minute, second, m1, m2]);
     }
+    Ok(())
 }
 
 fn write_relative(span: &Relative, out: &mut BytesMut) -> Result<(), &'static str> {
-    let days = [
-        span.months,
-        span.days,
-        span.hours,
-        span.minutes,
-        span.seconds,
-    ];
-    if span.years > 9999 || span.millis > 999 || days.iter().any(|field| *field > 99) {
-        return Err("a field of the span has too many digits");
-    }
+    let days = dates::pairs_of(span)?;
     out.put_u8(if span.negative { 0x22 } else { 0x21 });
     out.put_slice(&coded_fields(span.years, days, span.millis));
     Ok(())

@@ -2,6 +2,8 @@ use bytes::{BufMut, BytesMut};
 use fipa_acl::Text;
 
 use crate::EncodeError;
+use crate::decimal::Decimal;
+pub(super) use crate::user_names::without_prefix;
 
 /// The name of a user-defined parameter as it follows `X-` in a BinWord.
 pub(super) fn user_name(name: &str) -> Result<&str, EncodeError> {
@@ -14,14 +16,6 @@ pub(super) fn user_name(name: &str) -> Result<&str, EncodeError> {
         });
     }
     Ok(name)
-}
-
-/// A name is kept without its prefix, but its field can be set by anybody.
-pub(super) fn without_prefix(mut name: &str) -> &str {
-    while let Some(shorter) = name.strip_prefix("X-").or_else(|| name.strip_prefix("x-")) {
-        name = shorter;
-    }
-    name
 }
 
 /// BinString of SC00069G with a length in as few octets as will do.
@@ -92,32 +86,10 @@ pub(super) fn write_prefixed(
         });
     }
     out.put_u8(b'#');
-    write_decimal(prefix.len() + text.len(), out);
+    out.put_slice(Decimal::of(prefix.len() + text.len()).as_bytes());
     out.put_u8(b'"');
     out.put_slice(prefix.as_bytes());
     out.put_slice(text);
     out.put_u8(0);
     Ok(())
-}
-
-/// The number in decimal characters.
-pub(super) fn write_decimal(number: usize, out: &mut BytesMut) {
-    let (digits, start) = decimal(u64::try_from(number).unwrap_or(u64::MAX));
-    out.put_slice(digits.get(start..).unwrap_or_default());
-}
-
-/// The decimal characters of a number and where they begin.
-pub(super) fn decimal(mut number: u64) -> ([u8; 20], usize) {
-    let mut digits = [b'0'; 20];
-    let mut start = digits.len();
-    for digit in digits.iter_mut().rev() {
-        let [ones, ..] = (number % 10).to_le_bytes();
-        *digit = b'0' + ones;
-        start -= 1;
-        number /= 10;
-        if number == 0 {
-            break;
-        }
-    }
-    (digits, start)
 }

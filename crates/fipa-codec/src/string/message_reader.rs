@@ -2,11 +2,11 @@ use bytes::Bytes;
 use fipa_acl::{AgentId, Expression, FipaTime, Message, Performative, Text, UserDefined};
 
 use super::acts::act_named;
+use super::jade;
 use super::keywords::{self, Parameter};
 use super::reader::{Reader, Span};
 use super::tokens::Name;
-use super::{jade, times};
-use crate::{DecodeError, Fault};
+use crate::{DecodeError, Fault, dates};
 
 impl Reader<'_> {
     /// ACLCommunicativeAct of SC00070I; a byte order mark may precede it.
@@ -111,7 +111,7 @@ impl Reader<'_> {
         self.next()?;
         let offset = self.position();
         let span = self.text()?;
-        times::parse(self.raw(&span)).map_err(|(fault, what)| self.error_at(offset, fault, what))
+        dates::parse(self.raw(&span)).map_err(|(fault, what)| self.error_at(offset, fault, what))
     }
 
     /// The value of a parameter outside the standard.

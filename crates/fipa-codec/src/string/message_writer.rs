@@ -1,9 +1,8 @@
 use fipa_acl::{AgentId, Expression, Message, Performative, Text, UserDefined};
 
 use super::scan::is_number;
-use super::times;
 use super::writer::Writer;
-use crate::EncodeError;
+use crate::{EncodeError, dates};
 
 impl Writer<'_> {
     /// ACLCommunicativeAct of SC00070I, in the order of the bit-efficient form: what a message is
@@ -19,7 +18,11 @@ impl Writer<'_> {
         self.tag(b" :reply-with ", &message.reply_with);
         if let Some(time) = &message.reply_by {
             self.put(b" :reply-by ");
-            times::write(time, self.out)?;
+            let wrong = |what| EncodeError {
+                parameter: "reply-by",
+                what,
+            };
+            dates::write(time, self.options.zone_letter, self.out).map_err(wrong)?;
         }
         self.tag(b" :in-reply-to ", &message.in_reply_to);
         self.agents(b" :reply-to ", &message.reply_to, "reply-to")?;

@@ -1,7 +1,7 @@
 //! Messages in string form (FIPA SC00070I).
 //!
-//! Writing is strict; reading accepts what known peers write. Texts and contents that were read
-//! share the buffer of the input.
+//! Writing is strict unless a [`Dialect`] is given; reading accepts what known peers write. Texts
+//! and contents that were read share the buffer of the input.
 //!
 //! An input is read by the rules of the standard first. What cannot be read so is read once more
 //! as one peer writes it, without white space: there a parameter's name ends where a keyword ends,
@@ -16,7 +16,6 @@ mod message_reader;
 mod message_writer;
 mod reader;
 mod scan;
-mod times;
 mod tokens;
 mod writer;
 
@@ -24,8 +23,9 @@ use bytes::Bytes;
 use fipa_acl::{Message, Performative};
 
 use self::reader::{Pass, Reader};
-use self::writer::{WriteOptions, Writer};
-use crate::{DecodeError, EncodeError, Fault, Limits, Output};
+use self::writer::Writer;
+pub(crate) use self::writer::{Base64, WriteOptions};
+use crate::{DecodeError, Dialect, EncodeError, Fault, Limits, Output};
 
 /// Reads a message (SC00070I section 2) that fills the whole input; white space behind it is
 /// ignored.
@@ -92,14 +92,15 @@ fn read(bytes: &Bytes, limits: &Limits, pass: Pass) -> Result<(Message, usize), 
 /// );
 /// ```
 pub fn encode_message(message: &Message, out: &mut Output) -> Result<(), EncodeError> {
-    encode_message_with(message, out, &WriteOptions::STRICT)
+    encode_message_as(Dialect::Standard, message, out)
 }
 
-/// Appends a message as the options say; on an error `out` is as before.
-pub(crate) fn encode_message_with(
+/// Appends a message (SC00070I section 2) as a peer needs it; on an error `out` is as before.
+pub fn encode_message_as(
+    dialect: Dialect,
     message: &Message,
     out: &mut Output,
-    options: &WriteOptions,
 ) -> Result<(), EncodeError> {
+    let options = dialect.string();
     out.all_or_nothing(|out| Writer { out, options }.message(message))
 }

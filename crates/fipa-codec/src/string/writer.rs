@@ -3,37 +3,57 @@ use fipa_acl::Text;
 
 use super::scan::Form;
 use super::{jade, keywords};
+use crate::decimal::Decimal;
+use crate::user_names::without_prefix;
 use crate::{EncodeError, Output};
 
 /// In what a message differs from peer to peer.
 #[derive(Clone, Debug)]
 pub(crate) struct WriteOptions {
-    /// Content that is not UTF-8 goes out as Base64, said so by a parameter, instead of as octets
-    /// behind their count (JADE, which reads octets as characters).
-    pub(crate) base64_content: bool,
-    /// All content goes out behind its count (fipa_acl writes nothing else).
-    pub(crate) counted_content: bool,
-    /// The n of `#n"` counts UTF-16 units of the text instead of its octets (JADE).
+    /// Contents that go out as Base64, said so by a parameter.
+    pub(crate) base64_content: Base64,
+    /// All strings, the content too, go out behind their count.
+    pub(crate) counted: bool,
+    /// The n of `#n"` counts UTF-16 units of the text instead of its octets.
     pub(crate) count_utf16: bool,
-    /// Values of a message's user-defined parameters stand in parentheses (fipa_acl reads no
-    /// others).
+    /// Values of a message's user-defined parameters stand in parentheses.
     pub(crate) user_defined_in_parentheses: bool,
-    /// Agent identifiers have their user-defined parameters (fipa_acl does not read them).
+    /// Agent identifiers have their user-defined parameters.
     pub(crate) user_defined_of_agents: bool,
-    /// How deep resolvers are written within resolvers; what is deeper is left out (fipa_acl reads
-    /// one level).
+    /// How deep resolvers are written within resolvers; what is deeper is left out.
     pub(crate) resolver_levels: usize,
+    /// Dates say that they are in UTC.
+    pub(crate) zone_letter: bool,
+}
+
+/// Which contents go out as Base64, instead of as octets behind their count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Base64 {
+    Never,
+    NotUtf8,
+    NotAscii,
+}
+
+impl Base64 {
+    fn holds(self, content: &[u8], text: Option<&str>) -> bool {
+        match self {
+            Base64::Never => false,
+            Base64::NotUtf8 => text.is_none(),
+            Base64::NotAscii => !content.is_ascii(),
+        }
+    }
 }
 
 impl WriteOptions {
     /// As the standard says, in the forms that all known peers read.
     pub(crate) const STRICT: WriteOptions = WriteOptions {
-        base64_content: false,
-        counted_content: false,
+        base64_content: Base64::Never,
+        counted: false,
         count_utf16: false,
         user_defined_in_parentheses: false,
         user_defined_of_agents: true,
         resolver_levels: usize::MAX,
+        zone_letter: true,
     };
 }
 
@@ -77,7 +97,7 @@ impl Writer<'_> {
     /// String of SC00070I.
     pub(super) fn string(&mut self, text: &Text) {
         let octets = text.as_bytes();
-        match Form::of(octets) {
+        match self.form_of(octets) {
             Form::Literal => {
                 self.out.put_u8(b'"');
                 self.put(octets);
@@ -92,12 +112,8 @@ impl Writer<'_> {
     }
 
     /// The name of a user-defined parameter with its colon and the `X-` that marks it.
-    ///
-    /// A name is kept without its prefix, but its field can be set by anybody.
-    pub(super) fn user_name(&mut self, mut name: &str) -> Result<(), EncodeError> {
-        while let Some(shorter) = name.strip_prefix("X-").or_else(|| name.strip_prefix("x-")) {
-            name = shorter;
-        }
+    pub(super) fn user_name(&mut self, name: &str) -> Result<(), EncodeError> {
+        let name = without_prefix(name);
         let wrong = |what| EncodeError {
             parameter: "user-defined",
             what,
@@ -117,19 +133,29 @@ impl Writer<'_> {
     /// The content as the value of its parameter.
     pub(super) fn content(&mut self, content: &Bytes) {
         let text = str::from_utf8(content).ok();
-        let form = match text {
-            Some(_) if !self.options.counted_content => Form::of(content),
-            _ => Form::Counted,
-        };
         self.put(b" :content ");
-        match (form, text) {
-            (Form::Literal, _) => self.shared_literal(content),
-            (Form::EscapedLiteral, _) => self.escaped(content),
-            (Form::Counted, None) if self.options.base64_content => self.base64(content),
-            (Form::Counted, text) => {
+        if self.options.base64_content.holds(content, text) {
+            return self.base64(content);
+        }
+        let form = match text {
+            Some(_) => self.form_of(content),
+            None => Form::Counted,
+        };
+        match form {
+            Form::Literal => self.shared_literal(content),
+            Form::EscapedLiteral => self.escaped(content),
+            Form::Counted => {
                 self.count_of(content, text);
                 self.out.put_shared(content);
             }
+        }
+    }
+
+    #[inline]
+    fn form_of(&self, octets: &[u8]) -> Form {
+        match self.options.counted {
+            true => Form::Counted,
+            false => Form::of(octets),
         }
     }
 
@@ -169,77 +195,9 @@ impl Writer<'_> {
     }
 
     /// The `#n"` in front of so many octets.
-    fn count(&mut self, mut count: usize) {
-        let mut digits = [b'0'; 20];
-        let mut start = digits.len();
-        for digit in digits.iter_mut().rev() {
-            let [ones, ..] = (count % 10).to_le_bytes();
-            *digit = b'0' + ones;
-            start -= 1;
-            count /= 10;
-            if count == 0 {
-                break;
-            }
-        }
+    fn count(&mut self, count: usize) {
         self.out.put_u8(b'#');
-        self.put(digits.get(start..).unwrap_or_default());
+        self.put(Decimal::of(count).as_bytes());
         self.out.put_u8(b'"');
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use fipa_acl::{AgentId, Message, Performative};
-
-    use super::*;
-    use crate::Limits;
-    use crate::string::{decode_message, encode_message_with};
-
-    fn written(message: &Message, options: &WriteOptions) -> Bytes {
-        let mut out = Output::new();
-        encode_message_with(message, &mut out, options).unwrap();
-        out.take_bytes()
-    }
-
-    fn inform() -> Message {
-        Message::new(Performative::Inform)
-    }
-
-    #[test]
-    fn octets_go_out_as_base64_and_text_is_counted_in_characters() {
-        let options = WriteOptions {
-            base64_content: true,
-            count_utf16: true,
-            ..WriteOptions::STRICT
-        };
-        let octets = inform().content(&b"\x80\xff"[..]).user_defined("a", "b");
-        let text = b"(inform :X-a b :content \"gP8=\" :X-JADE-Encoding Base64)";
-        assert_eq!(written(&octets, &options), &text[..]);
-        let read = decode_message(&Bytes::from_static(text), &Limits::default());
-        assert_eq!(read, Ok(octets));
-        let text = inform().content("\u{1f680}\\").language("\u{fc}\\");
-        let expected = "(inform :language #2\"\u{fc}\\ :content #3\"\u{1f680}\\)";
-        assert_eq!(written(&text, &options), expected);
-    }
-
-    #[test]
-    fn what_a_peer_does_not_read_is_left_out_or_put_in_parentheses() {
-        let options = WriteOptions {
-            counted_content: true,
-            user_defined_in_parentheses: true,
-            user_defined_of_agents: false,
-            resolver_levels: 1,
-            ..WriteOptions::STRICT
-        };
-        let sender = AgentId::new("a")
-            .resolver(AgentId::new("b").resolver("c"))
-            .user_defined("p", "q");
-        let message = inform()
-            .from_agent(sender)
-            .content("hi")
-            .user_defined("n", "v w");
-        let expected = "(inform :sender (agent-identifier :name a :resolvers (sequence \
-            (agent-identifier :name b))) :X-n (\"v w\") :content #2\"hi)";
-        assert_eq!(written(&message, &options), expected);
     }
 }

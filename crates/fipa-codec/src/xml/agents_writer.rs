@@ -2,6 +2,7 @@ use fipa_acl::{AgentId, Expression, Text};
 
 use super::options::WriteOptions;
 use super::writer::{Element, Place, element, write_expression, write_text};
+use crate::user_names::without_prefix;
 use crate::{EncodeError, Output};
 
 /// In which of the two standards an agent identifier stands: they differ in where they write text.
@@ -27,24 +28,29 @@ pub(super) fn write_agent(
     Ok(())
 }
 
-/// `to` or `intended-receiver`.
-pub(super) fn write_receivers(
+/// The agents of a slot or parameter that has any number of them.
+pub(super) fn write_agents(
     element: Element,
     agents: &[AgentId],
+    notation: Notation,
     options: &WriteOptions,
     out: &mut Output,
 ) -> Result<(), EncodeError> {
-    if !options.grouped_agents {
+    let grouped = match notation {
+        Notation::Message => options.grouped_receivers,
+        Notation::Envelope => options.grouped_agents,
+    };
+    if !grouped {
         return agents
             .iter()
-            .try_for_each(|agent| write_agent(element, agent, Notation::Envelope, options, out));
+            .try_for_each(|agent| write_agent(element, agent, notation, options, out));
     }
     if agents.is_empty() {
         return Ok(());
     }
     out.put_slice(element.open.as_bytes());
     for agent in agents {
-        write_identifier(agent, Notation::Envelope, element.name, options, out)?;
+        write_identifier(agent, notation, element.name, options, out)?;
     }
     out.put_slice(element.close.as_bytes());
     Ok(())
@@ -69,7 +75,8 @@ fn write_identifier(
         Notation::Envelope => element!("name").write(&agent.name, out)?,
     }
     write_addresses(&agent.addresses, notation, parameter, out)?;
-    if !agent.resolvers.is_empty() {
+    let has_resolvers = notation == Notation::Message || options.resolvers_in_envelopes;
+    if has_resolvers && !agent.resolvers.is_empty() {
         out.put_slice(b"<resolvers>");
         for resolver in &agent.resolvers {
             write_identifier(resolver, notation, parameter, options, out)?;
@@ -121,7 +128,31 @@ pub(super) fn write_attribute(
     Ok(())
 }
 
-/// A user-defined parameter of a message or an agent.
+/// A user-defined parameter of a message, in an element with its own name if that is wanted and
+/// there can be one.
+pub(super) fn write_parameter(
+    name: &str,
+    value: &Expression,
+    options: &WriteOptions,
+    out: &mut Output,
+) -> Result<(), EncodeError> {
+    let own = without_prefix(name);
+    let fits = |octet: u8| octet.is_ascii_alphanumeric() || matches!(octet, b'-' | b'_' | b'.');
+    if !options.extension_elements || own.is_empty() || !own.bytes().all(fits) {
+        return write_user_defined(name, value, options, out);
+    }
+    let tag = |start: &[u8], out: &mut Output| {
+        out.put_slice(start);
+        out.put_slice(own.as_bytes());
+        out.put_u8(b'>');
+    };
+    tag(b"<X-", out);
+    write_expression(value, Place::Text, PARAMETER, out)?;
+    tag(b"</X-", out);
+    Ok(())
+}
+
+/// A user-defined parameter of an agent, or of a message.
 pub(super) fn write_user_defined(
     name: &str,
     value: &Expression,
@@ -169,12 +200,4 @@ fn write_start(name: &str, out: &mut Output) -> Result<(), EncodeError> {
     write_text(name, Place::Attribute, PARAMETER, out)?;
     out.put_slice(b"\" type=\"string\">");
     Ok(())
-}
-
-/// A name is kept without its prefix, but its field can be set by anybody.
-fn without_prefix(mut name: &str) -> &str {
-    while let Some(shorter) = name.strip_prefix("X-").or_else(|| name.strip_prefix("x-")) {
-        name = shorter;
-    }
-    name
 }

@@ -3,10 +3,9 @@ use fipa_acl::{Envelope, FipaTime, Received, Representation, Slots, Text};
 
 use super::content::EndTag;
 use super::cursor::{Cursor, Element};
-use super::dates::parse_time;
 use super::names::Tag;
 use super::values::ATTRIBUTES;
-use crate::{DecodeError, Fault};
+use crate::{DecodeError, Fault, dates};
 
 impl Cursor<'_> {
     /// `envelope` of SC00085J.
@@ -106,14 +105,13 @@ impl Cursor<'_> {
         if text.is_empty() {
             return Ok(None);
         }
-        match parse_time(&text) {
-            Some(time) => Ok(Some(time)),
-            None => Err(DecodeError {
-                offset: start,
-                fault: Fault::Violation,
-                what: "no such date",
-            }),
-        }
+        // Not escaping a text is no reason for a wrong date.
+        let wrong = |(_, what)| DecodeError {
+            offset: start,
+            fault: Fault::Violation,
+            what,
+        };
+        dates::parse(text.as_bytes()).map(Some).map_err(wrong)
     }
 
     /// `received`; `None` for one that does not say by whom it is, which is no stamp.

@@ -1,15 +1,41 @@
 use fipa_acl::{Envelope, FipaTime, Received, Representation, Slots, Text};
 
-use super::agents_writer::{
-    Notation, write_agent, write_attribute, write_receivers, write_user_text,
-};
-use super::dates::write_time;
-use super::options::WriteOptions;
+use super::agents_writer::{Notation, write_agent, write_agents, write_attribute, write_user_text};
+use super::options::{Layers, WriteOptions};
 use super::writer::{element, is_text, write_content};
-use crate::{EncodeError, Output};
+use crate::decimal::Decimal;
+use crate::{EncodeError, Output, dates};
 
-/// `envelope` of SC00085J: the base is number 1, the overlays follow from the oldest on.
+/// `envelope` of SC00085J, around a payload of so many octets: the base is number 1, the overlays
+/// follow from the oldest on.
 pub(super) fn write_envelope(
+    envelope: &Envelope,
+    payload: u64,
+    options: &WriteOptions,
+    out: &mut Output,
+) -> Result<(), EncodeError> {
+    match options.layers {
+        Layers::OneDigit if envelope.overlays.len() >= 9 => Err(EncodeError {
+            parameter: "envelope",
+            what: "more than nine layers, of which this peer cannot read the tenth",
+        }),
+        Layers::All | Layers::OneDigit => write_layers(envelope, options, out),
+        Layers::Flattened => write_layers(&flattened(envelope, payload), options, out),
+    }
+}
+
+/// The envelope as one layer. Of the stamps it has the newest one.
+fn flattened(envelope: &Envelope, payload: u64) -> Envelope {
+    let slots = envelope.flattened();
+    Envelope::new(Slots {
+        intended_receiver: envelope.intended_receiver().to_vec(),
+        payload_length: slots.payload_length.or(Some(payload)),
+        received: envelope.stamps().last().cloned(),
+        ..slots
+    })
+}
+
+fn write_layers(
     envelope: &Envelope,
     options: &WriteOptions,
     out: &mut Output,
@@ -17,7 +43,7 @@ pub(super) fn write_envelope(
     out.put_slice(b"<?xml version=\"1.0\"?><envelope>");
     for (index, slots) in (1..).zip(envelope.layers().rev()) {
         out.put_slice(b"<params index=\"");
-        write_decimal(index, out);
+        out.put_slice(Decimal::of(index).as_bytes());
         out.put_slice(b"\">");
         write_slots(slots, options, out)?;
         out.put_slice(b"</params>");
@@ -27,7 +53,10 @@ pub(super) fn write_envelope(
 }
 
 fn write_slots(slots: &Slots, options: &WriteOptions, out: &mut Output) -> Result<(), EncodeError> {
-    write_receivers(element!("to"), &slots.to, options, out)?;
+    let agents = |element, agents: &[_], out: &mut _| {
+        write_agents(element, agents, Notation::Envelope, options, out)
+    };
+    agents(element!("to"), &slots.to, out)?;
     if let Some(from) = &slots.from {
         write_agent(element!("from"), from, Notation::Envelope, options, out)?;
     }
@@ -35,7 +64,7 @@ fn write_slots(slots: &Slots, options: &WriteOptions, out: &mut Output) -> Resul
     write_representation(&slots.acl_representation, out)?;
     if let Some(length) = slots.payload_length {
         out.put_slice(b"<payload-length>");
-        write_decimal(length, out);
+        out.put_slice(Decimal::new(length).as_bytes());
         out.put_slice(b"</payload-length>");
     }
     element!("payload-encoding").write_optional(&slots.payload_encoding, out)?;
@@ -44,12 +73,7 @@ fn write_slots(slots: &Slots, options: &WriteOptions, out: &mut Output) -> Resul
         write_date(date, "date", options, out)?;
         out.put_slice(b"</date>");
     }
-    write_receivers(
-        element!("intended-receiver"),
-        &slots.intended_receiver,
-        options,
-        out,
-    )?;
+    agents(element!("intended-receiver"), &slots.intended_receiver, out)?;
     write_behaviour(slots, options, out)?;
     if let Some(received) = &slots.received {
         write_received(received, options, out)?;
@@ -78,7 +102,8 @@ fn write_date(
     out: &mut Output,
 ) -> Result<(), EncodeError> {
     match time {
-        FipaTime::Absolute { .. } => write_time(time, options.envelope_zone_letter, parameter, out),
+        FipaTime::Absolute { .. } => dates::write(time, options.zone_letter, out)
+            .map_err(|what| EncodeError { parameter, what }),
         FipaTime::Relative(_) => Err(EncodeError {
             parameter,
             what: "a date in an envelope is a point in time",
@@ -138,19 +163,4 @@ fn write_received(
     }
     out.put_slice(b"</received>");
     Ok(())
-}
-
-fn write_decimal(mut number: u64, out: &mut Output) {
-    let mut digits = [b'0'; 20];
-    let mut start = digits.len();
-    for digit in digits.iter_mut().rev() {
-        let [ones, ..] = (number % 10).to_le_bytes();
-        *digit = b'0' + ones;
-        start -= 1;
-        number /= 10;
-        if number == 0 {
-            break;
-        }
-    }
-    out.put_slice(digits.get(start..).unwrap_or_default());
 }

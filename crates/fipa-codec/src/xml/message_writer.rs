@@ -1,14 +1,15 @@
 use bytes::Bytes;
 use fipa_acl::{Expression, Message, Performative, Text};
+use memchr::{memchr, memmem};
 
-use super::agents_writer::{Notation, write_agent, write_user_defined};
+use super::agents_writer::{Notation, write_agent, write_agents, write_parameter};
 use super::content::{BASE64, ENCODING_PARAMETER};
-use super::dates::write_time;
-use super::options::WriteOptions;
+use super::options::{ContentForm, WriteOptions};
 use super::writer::{
     Element, Place, element, is_empty, is_text, write_base64, write_content, write_expression,
+    write_section,
 };
-use crate::{EncodeError, Output};
+use crate::{EncodeError, Output, dates};
 
 /// `fipa-message` of SC00071E.
 pub(super) fn write_message(
@@ -16,20 +17,15 @@ pub(super) fn write_message(
     options: &WriteOptions,
     out: &mut Output,
 ) -> Result<(), EncodeError> {
-    write_start(message, options, out)?;
-    for receiver in &message.receiver {
-        write_agent(
-            element!("receiver"),
-            receiver,
-            Notation::Message,
-            options,
-            out,
-        )?;
-    }
+    write_start(message, out)?;
+    let agents = |element, agents: &[_], out: &mut _| {
+        write_agents(element, agents, Notation::Message, options, out)
+    };
+    agents(element!("receiver"), &message.receiver, out)?;
     if let Some(sender) = &message.sender {
         write_agent(element!("sender"), sender, Notation::Message, options, out)?;
     }
-    let in_base64 = write_message_content(&message.content, out);
+    let in_base64 = write_message_content(&message.content, options, out);
     write_tag(element!("language"), &message.language, out)?;
     write_tag(element!("encoding"), &message.encoding, out)?;
     write_tag(element!("ontology"), &message.ontology, out)?;
@@ -38,19 +34,21 @@ pub(super) fn write_message(
     write_tag(element!("in-reply-to"), &message.in_reply_to, out)?;
     if let Some(time) = &message.reply_by {
         out.put_slice(b"<reply-by time=\"");
-        write_time(time, true, "reply-by", out)?;
+        let wrong = |what| EncodeError {
+            parameter: "reply-by",
+            what,
+        };
+        dates::write(time, options.zone_letter, out).map_err(wrong)?;
         out.put_slice(b"\"/>");
     }
-    for agent in &message.reply_to {
-        write_agent(element!("reply-to"), agent, Notation::Message, options, out)?;
-    }
+    agents(element!("reply-to"), &message.reply_to, out)?;
     write_tag(element!("conversation-id"), &message.conversation_id, out)?;
     for parameter in &message.user_defined {
-        write_user_defined(&parameter.name, &parameter.value, options, out)?;
+        write_parameter(&parameter.name, &parameter.value, options, out)?;
     }
     if in_base64 {
         let value = Expression::Word(Text::from_static(BASE64));
-        write_user_defined(ENCODING_PARAMETER, &value, options, out)?;
+        write_parameter(ENCODING_PARAMETER, &value, options, out)?;
     }
     out.put_slice(b"</fipa-message>");
     Ok(())
@@ -64,11 +62,7 @@ pub(super) fn expected_len(message: &Message) -> usize {
     content.min(4096) + 192 * agents + 64 * message.user_defined.len() + 512
 }
 
-fn write_start(
-    message: &Message,
-    options: &WriteOptions,
-    out: &mut Output,
-) -> Result<(), EncodeError> {
+fn write_start(message: &Message, out: &mut Output) -> Result<(), EncodeError> {
     if let Performative::Other(_) = message.performative {
         return Err(EncodeError {
             parameter: "performative",
@@ -78,7 +72,7 @@ fn write_start(
     out.put_slice(b"<?xml version=\"1.0\"?><fipa-message act=\"");
     out.put_slice(message.performative.as_str().as_bytes());
     let id = message.conversation_id.as_ref().filter(|id| !is_empty(id));
-    if let Some(id) = id.filter(|_| options.conversation_id_attribute) {
+    if let Some(id) = id {
         out.put_slice(b"\" conversation-id=\"");
         write_expression(id, Place::Attribute, "conversation-id", out)?;
     }
@@ -87,18 +81,35 @@ fn write_start(
 }
 
 /// Writes the content, and tells whether it had to be written in Base64.
-fn write_message_content(content: &Option<Bytes>, out: &mut Output) -> bool {
+fn write_message_content(
+    content: &Option<Bytes>,
+    options: &WriteOptions,
+    out: &mut Output,
+) -> bool {
     let Some(content) = content.as_ref().filter(|content| !content.is_empty()) else {
         return false;
     };
-    let fits = is_text(content);
+    let is_text = is_text(content);
+    let is_section = is_section(content, is_text, options.content);
     out.put_slice(b"<content>");
-    match fits {
-        true => write_content(content, out),
-        false => write_base64(content, out),
+    match (is_section, is_text) {
+        (true, _) => write_section(content, out),
+        (false, true) => write_content(content, out),
+        (false, false) => write_base64(content, out),
     }
     out.put_slice(b"</content>");
-    !fits
+    !is_section && !is_text
+}
+
+/// Whether the content is written as a section.
+fn is_section(content: &[u8], is_text: bool, form: ContentForm) -> bool {
+    let fits = match form {
+        ContentForm::Escaped => return false,
+        // Whoever reads as XML does takes it for a line feed.
+        ContentForm::Section => is_text && memchr(b'\r', content).is_none(),
+        ContentForm::RawSection => memchr(0, content).is_none(),
+    };
+    fits && memmem::find(content, b"]]>").is_none()
 }
 
 /// An empty text is an absent one.

@@ -1,9 +1,10 @@
 //! XML messages (FIPA SC00071E) and envelopes (FIPA SC00085J).
 //!
-//! Writing is strict; reading accepts what known peers write, text that JADE did not escape
-//! included. Contents and texts that were read share the buffer of the input unless there are
-//! references in them. Nothing is validated against a document type, no entity is ever expanded,
-//! and a document type with declarations of its own is refused.
+//! Writing is strict unless a [`Dialect`] is given; reading accepts what known peers write, text
+//! that JADE did not escape included. UTF-16 is read, and the charset that a declaration names.
+//! Contents and texts that were read share the buffer of the input unless there are references in
+//! them or they had to be transcoded. Nothing is validated against a document type, no entity is
+//! ever expanded, and a document type with declarations of its own is refused.
 //!
 //! An empty text and an absent one are the same in XML: both are read as absent, and neither is
 //! written, except as the value of a user-defined parameter. A content that is not legal XML text
@@ -13,7 +14,6 @@ mod agents_reader;
 mod agents_writer;
 mod content;
 mod cursor;
-mod dates;
 mod envelope_reader;
 mod envelope_writer;
 mod markup;
@@ -34,20 +34,18 @@ use memchr::memmem;
 
 use self::cursor::Cursor;
 use self::names::Tag;
-use self::options::WriteOptions;
-use self::transcode::from_utf16;
-use crate::{DecodeError, EncodeError, Fault, Limits, Output};
+pub(crate) use self::options::{ContentForm, Layers, WriteOptions};
+use self::transcode::{from_declared, from_utf16};
+use crate::{DecodeError, Dialect, EncodeError, Fault, Limits, Output, letter};
 
 /// Reads a message (SC00071E) that fills the whole input; white space behind it is ignored.
 pub fn decode_message(bytes: &Bytes, limits: &Limits) -> Result<Message, DecodeError> {
-    let whole = |cursor: &mut Cursor<'_>| {
-        let message = cursor.message()?;
-        cursor.finish()?;
-        Ok(message)
-    };
-    let (message, _) = decode(bytes, limits, |bytes| {
-        strict_or_lenient(bytes, limits, whole, |_| Some(bytes.len()))
-    })?;
+    let (message, _) = decode(
+        bytes,
+        limits,
+        |_| None,
+        |bytes| Ok((decode_utf8_message(bytes, limits)?, bytes.len())),
+    )?;
     Ok(message)
 }
 
@@ -57,25 +55,50 @@ pub fn decode_message_prefix(
     bytes: &Bytes,
     limits: &Limits,
 ) -> Result<(Message, usize), DecodeError> {
-    decode(bytes, limits, |bytes| {
-        // What follows it is not searched for the end of a text in this one.
-        let end = |octets: &[u8]| end_of(octets, b"</fipa-message>");
-        strict_or_lenient(bytes, limits, |cursor| cursor.message(), end)
-    })
+    decode(
+        bytes,
+        limits,
+        |_| None,
+        |bytes| decode_utf8_message_prefix(bytes, limits),
+    )
+}
+
+/// Reads a message that was made UTF-8, whatever its declaration says; see [`decode_message`].
+pub(crate) fn decode_utf8_message(bytes: &Bytes, limits: &Limits) -> Result<Message, DecodeError> {
+    let whole = |cursor: &mut Cursor<'_>| {
+        let message = cursor.message()?;
+        cursor.finish()?;
+        Ok(message)
+    };
+    let (message, _) = strict_or_lenient(bytes, limits, whole, |octets| Some(octets.len()))?;
+    Ok(message)
+}
+
+/// Reads a message that was made UTF-8, whatever its declaration says; see
+/// [`decode_message_prefix`].
+pub(crate) fn decode_utf8_message_prefix(
+    bytes: &Bytes,
+    limits: &Limits,
+) -> Result<(Message, usize), DecodeError> {
+    // What follows it is not searched for the end of a text in this one.
+    let end = |octets: &[u8]| end_of(octets, b"</fipa-message>");
+    strict_or_lenient(bytes, limits, |cursor| cursor.message(), end)
 }
 
 /// Appends a message (SC00071E); on an error `out` is as before.
 ///
 /// The performative must be one of the standard, and texts must be of characters that XML allows.
 pub fn encode_message(message: &Message, out: &mut Output) -> Result<(), EncodeError> {
-    encode_message_with(message, &WriteOptions::STRICT, out)
+    encode_message_as(Dialect::Standard, message, out)
 }
 
-pub(crate) fn encode_message_with(
+/// Appends a message (SC00071E) as a peer needs it; on an error `out` is as before.
+pub fn encode_message_as(
+    dialect: Dialect,
     message: &Message,
-    options: &WriteOptions,
     out: &mut Output,
 ) -> Result<(), EncodeError> {
+    let options = dialect.xml();
     out.reserve(message_writer::expected_len(message));
     out.all_or_nothing(|out| message_writer::write_message(message, options, out))
 }
@@ -83,8 +106,8 @@ pub(crate) fn encode_message_with(
 /// Reads the envelope (SC00085J) at the beginning of the input, and tells where its payload
 /// begins: directly behind its end tag.
 pub fn decode_envelope(bytes: &Bytes, limits: &Limits) -> Result<(Envelope, usize), DecodeError> {
-    decode(bytes, limits, |bytes| {
-        let end = |octets: &[u8]| end_of(octets, b"</envelope>");
+    let end = |octets: &[u8]| end_of(octets, b"</envelope>");
+    decode(bytes, limits, end, |bytes| {
         strict_or_lenient(bytes, limits, |cursor| cursor.envelope(), end)
     })
 }
@@ -93,7 +116,7 @@ pub fn decode_envelope(bytes: &Bytes, limits: &Limits) -> Result<(Envelope, usiz
 /// whatever its announced length is.
 pub fn decode_letter(bytes: &Bytes, limits: &Limits) -> Result<Letter, DecodeError> {
     let (envelope, begin) = decode_envelope(bytes, limits)?;
-    letter(envelope, bytes, begin..bytes.len(), limits)
+    letter::around(envelope, bytes, begin..bytes.len(), limits)
 }
 
 /// Reads the letter (SC00085J) at the beginning of the input, and tells how many octets it has:
@@ -104,13 +127,7 @@ pub fn decode_letter_prefix(
     limits: &Limits,
 ) -> Result<(Letter, usize), DecodeError> {
     let (envelope, begin) = decode_envelope(bytes, limits)?;
-    let announced = envelope
-        .payload_length()
-        .and_then(|length| begin.checked_add(usize::try_from(length).ok()?));
-    let end = announced
-        .filter(|end| *end <= bytes.len())
-        .unwrap_or(bytes.len());
-    Ok((letter(envelope, bytes, begin..end, limits)?, end))
+    letter::prefix(envelope, bytes, begin, limits)
 }
 
 /// Appends an envelope (SC00085J); on an error `out` is as before.
@@ -118,30 +135,46 @@ pub fn decode_letter_prefix(
 /// No date can be relative, a stamp must say by whom it is, and texts and the transport behaviour
 /// must be of characters that XML allows.
 pub fn encode_envelope(envelope: &Envelope, out: &mut Output) -> Result<(), EncodeError> {
-    encode_envelope_with(envelope, &WriteOptions::STRICT, out)
+    encode_envelope_as(Dialect::Standard, envelope, 0, out)
 }
 
-pub(crate) fn encode_envelope_with(
+/// Appends an envelope (SC00085J) as a peer needs it; on an error `out` is as before.
+///
+/// `payload` counts the octets that will follow: some peers need the length where the envelope
+/// does not state it.
+pub fn encode_envelope_as(
+    dialect: Dialect,
     envelope: &Envelope,
-    options: &WriteOptions,
+    payload: usize,
     out: &mut Output,
 ) -> Result<(), EncodeError> {
+    let options = dialect.xml();
+    let payload = u64::try_from(payload).unwrap_or(u64::MAX);
+    let write = |out: &mut Output| envelope_writer::write_envelope(envelope, payload, options, out);
+    if options.plain_envelopes {
+        let mut document = Output::new();
+        write(&mut document)?;
+        writer::write_plain(&String::from_utf8_lossy(&document.take_bytes()), out);
+        return Ok(());
+    }
     out.reserve(ENVELOPE);
-    out.all_or_nothing(|out| envelope_writer::write_envelope(envelope, options, out))
+    out.all_or_nothing(write)
 }
 
 /// Appends a letter (SC00085J): its envelope, and directly behind it its payload. On an error
 /// `out` is as before.
 pub fn encode_letter(letter: &Letter, out: &mut Output) -> Result<(), EncodeError> {
-    encode_letter_with(letter, &WriteOptions::STRICT, out)
+    encode_letter_as(Dialect::Standard, letter, out)
 }
 
-pub(crate) fn encode_letter_with(
+/// Appends a letter (SC00085J) as a peer needs it; on an error `out` is as before. The payload is
+/// not touched.
+pub fn encode_letter_as(
+    dialect: Dialect,
     letter: &Letter,
-    options: &WriteOptions,
     out: &mut Output,
 ) -> Result<(), EncodeError> {
-    encode_envelope_with(&letter.envelope, options, out)?;
+    encode_envelope_as(dialect, &letter.envelope, letter.payload.len(), out)?;
     out.put_shared(&letter.payload);
     Ok(())
 }
@@ -163,13 +196,19 @@ const ENVELOPE: usize = 1024;
 /// Octets within which the outermost element begins, in whatever is worth looking at.
 const HEAD: usize = 4096;
 
-/// Reads UTF-16 as well: what is found out about its positions is said of the input.
+/// Reads UTF-16 and the charsets that declarations name as well: what is found out about positions
+/// is said of the input. What is behind `end`, if there is one, is in no charset.
 fn decode<T>(
     bytes: &Bytes,
     limits: &Limits,
+    end: impl FnOnce(&[u8]) -> Option<usize>,
     read: impl FnOnce(&Bytes) -> Result<(T, usize), DecodeError>,
 ) -> Result<(T, usize), DecodeError> {
-    let Some(transcoded) = from_utf16(bytes, limits.max_octets) else {
+    let transcoded = match from_utf16(bytes, limits.max_octets) {
+        None => from_declared(bytes, end, limits.max_octets)?,
+        transcoded => transcoded,
+    };
+    let Some(transcoded) = transcoded else {
         return read(bytes);
     };
     match read(&transcoded.text) {
@@ -207,21 +246,4 @@ fn strict_or_lenient<T>(
 
 fn end_of(octets: &[u8], end_tag: &[u8]) -> Option<usize> {
     memmem::find(octets, end_tag).map(|start| start + end_tag.len())
-}
-
-fn letter(
-    envelope: Envelope,
-    bytes: &Bytes,
-    payload: std::ops::Range<usize>,
-    limits: &Limits,
-) -> Result<Letter, DecodeError> {
-    if payload.end > limits.max_octets {
-        return Err(DecodeError {
-            offset: limits.max_octets,
-            fault: Fault::Limit,
-            what: "too long",
-        });
-    }
-    let payload = bytes.slice(payload);
-    Ok(Letter { envelope, payload })
 }

@@ -1,59 +1,119 @@
-use bytes::Bytes;
+use std::ops::Range;
 
-/// A document in UTF-16 as UTF-8.
-pub(super) struct Transcoded {
+use bytes::Bytes;
+use encoding_rs::{UTF_16BE, UTF_16LE};
+
+use crate::charset::{Charset, Named};
+use crate::{DecodeError, Fault};
+
+/// The beginning of an input as UTF-8.
+pub(super) struct Transcoded<'a> {
     pub(super) text: Bytes,
-    /// Octets of the byte order mark in the input.
+    octets: &'a [u8],
+    charset: Charset,
+    /// Octets of the byte order mark in front of them.
     mark: usize,
-    /// Octets of the input that were looked at.
-    end: usize,
+}
+
+impl<'a> Transcoded<'a> {
+    #[cold]
+    fn new(octets: &'a [u8], mark: usize, charset: Charset) -> Transcoded<'a> {
+        let octets = octets.get(mark..).unwrap_or_default();
+        Transcoded {
+            text: charset.transcoded(octets),
+            octets,
+            charset,
+            mark,
+        }
+    }
+
+    /// Where in the input that stands which stands here in the text.
+    pub(super) fn position(&self, at: usize) -> usize {
+        let read = match self.text.get(..at) {
+            Some(text) if at < self.text.len() => self
+                .charset
+                .octets_read(self.octets, &String::from_utf8_lossy(text)),
+            _ => self.octets.len(),
+        };
+        self.mark + read
+    }
 }
 
 /// The input as UTF-8 if it is in UTF-16, which its first octets tell.
 #[inline]
-pub(super) fn from_utf16(bytes: &[u8], max_octets: usize) -> Option<Transcoded> {
-    match bytes {
-        [0xfe, 0xff, ..] => Some(transcoded(bytes, 2, max_octets, u16::from_be_bytes)),
-        [0xff, 0xfe, ..] => Some(transcoded(bytes, 2, max_octets, u16::from_le_bytes)),
-        [0, b'<', ..] => Some(transcoded(bytes, 0, max_octets, u16::from_be_bytes)),
-        [b'<', 0, ..] => Some(transcoded(bytes, 0, max_octets, u16::from_le_bytes)),
-        _ => None,
+pub(super) fn from_utf16(bytes: &[u8], max_octets: usize) -> Option<Transcoded<'_>> {
+    let (mark, encoding) = match bytes {
+        [0xfe, 0xff, ..] => (2, UTF_16BE),
+        [0xff, 0xfe, ..] => (2, UTF_16LE),
+        [0, b'<', ..] => (0, UTF_16BE),
+        [b'<', 0, ..] => (0, UTF_16LE),
+        _ => return None,
+    };
+    let octets = bytes.get(..max_octets).unwrap_or(bytes);
+    // Half a unit is nothing yet.
+    let octets = octets.get(..octets.len() & !1).unwrap_or_default();
+    Some(Transcoded::new(octets, mark, Charset::Other(encoding)))
+}
+
+/// The input up to its `end` as UTF-8 if its declaration says that it is in another charset.
+///
+/// What is declared as UTF-16 and has its declaration in ASCII is not in UTF-16.
+#[inline]
+pub(super) fn from_declared<'a>(
+    bytes: &'a [u8],
+    end: impl FnOnce(&[u8]) -> Option<usize>,
+    max_octets: usize,
+) -> Result<Option<Transcoded<'a>>, DecodeError> {
+    // What nearly everybody writes declares none.
+    if bytes.starts_with(b"<?xml version=\"1.0\"?>") || !bytes.starts_with(b"<?xml") {
+        return Ok(None);
     }
+    by_declaration(bytes, end, max_octets)
 }
 
 #[cold]
-fn transcoded(
-    bytes: &[u8],
-    mark: usize,
+fn by_declaration<'a>(
+    bytes: &'a [u8],
+    end: impl FnOnce(&[u8]) -> Option<usize>,
     max_octets: usize,
-    unit: fn([u8; 2]) -> u16,
-) -> Transcoded {
-    let end = bytes.len().min(max_octets);
-    let (pairs, _) = bytes.get(mark..end).unwrap_or_default().as_chunks::<2>();
-    let units = pairs.iter().map(|pair| unit(*pair));
-    let text: String = char::decode_utf16(units)
-        .map(|character| character.unwrap_or(char::REPLACEMENT_CHARACTER))
-        .collect();
-    Transcoded {
-        text: Bytes::from(text),
-        mark,
-        end,
+) -> Result<Option<Transcoded<'a>>, DecodeError> {
+    let Some(name) = declared_encoding(bytes) else {
+        return Ok(None);
+    };
+    match Named::of(&String::from_utf8_lossy(
+        bytes.get(name.clone()).unwrap_or_default(),
+    )) {
+        Named::Utf8 | Named::Wide => Ok(None),
+        Named::Unknown => Err(DecodeError {
+            offset: name.start,
+            fault: Fault::Unsupported,
+            what: "nobody here knows this encoding",
+        }),
+        Named::Charset(charset) => {
+            let len = end(bytes).unwrap_or(bytes.len()).min(max_octets);
+            let octets = bytes.get(..len).unwrap_or(bytes);
+            Ok(Some(Transcoded::new(octets, 0, charset)))
+        }
     }
 }
 
-impl Transcoded {
-    /// Where in the input that stands which stands here in the text.
-    pub(super) fn position(&self, at: usize) -> usize {
-        if at >= self.text.len() {
-            return self.end;
-        }
-        let text = self.text.get(..at).unwrap_or_default();
-        // What could not be transcoded was one unit and became a character of one unit.
-        let units: usize = text
-            .utf8_chunks()
-            .flat_map(|chunk| chunk.valid().chars())
-            .map(char::len_utf16)
-            .sum();
-        self.mark + units * 2
+/// Where the name of the encoding stands in the declaration, which begins the input if there is
+/// one.
+fn declared_encoding(bytes: &[u8]) -> Option<Range<usize>> {
+    let text = bytes.strip_prefix(b"<?xml")?;
+    if !text.first()?.is_ascii_whitespace() {
+        return None;
     }
+    let text = text.get(..DECLARATION).unwrap_or(text);
+    let text = text.get(..memchr::memmem::find(text, b"?>")?)?;
+    let found = memchr::memmem::find(text, b"encoding")?;
+    let value = text.get(found + 8..)?.trim_ascii_start();
+    let value = value.strip_prefix(b"=")?.trim_ascii_start();
+    let (quote, value) = value.split_first()?;
+    let len = memchr::memchr(*quote, value)?;
+    let start = 5 + text.len() - value.len();
+    Some(start..start + len)
 }
+
+/// Octets within which a declaration ends.
+const DECLARATION: usize = 256;

@@ -4,6 +4,8 @@ use bytes::Bytes;
 use fipa_acl::{Expression, Text};
 use memchr::{memchr, memchr3, memmem};
 
+use super::markup::SECTION;
+use crate::decimal::Decimal;
 use crate::{EncodeError, Output};
 
 /// Octets that are encoded in Base64 at once; a multiple of three.
@@ -109,6 +111,31 @@ pub(super) fn write_content(octets: &Bytes, out: &mut Output) {
     } else {
         write_escaped(octets, Place::Text, out);
     }
+}
+
+/// Writes octets without `]]>` as a section, by reference.
+pub(super) fn write_section(octets: &Bytes, out: &mut Output) {
+    out.put_slice(SECTION);
+    out.put_shared(octets);
+    out.put_slice(b"]]>");
+}
+
+/// Writes a document that is UTF-8 as ASCII without line ends: with references, which can stand
+/// wherever it has something else.
+pub(super) fn write_plain(document: &str, out: &mut Output) {
+    let is_plain = |character: char| character.is_ascii() && character != '\n';
+    let mut rest = document;
+    while let Some(at) = rest.find(|character| !is_plain(character)) {
+        let (plain, other) = rest.split_at(at);
+        out.put_slice(plain.as_bytes());
+        let mut characters = other.chars();
+        let code = characters.next().map_or(0, u32::from);
+        out.put_slice(b"&#");
+        out.put_slice(Decimal::new(code.into()).as_bytes());
+        out.put_u8(b';');
+        rest = characters.as_str();
+    }
+    out.put_slice(rest.as_bytes());
 }
 
 /// Writes octets in Base64.

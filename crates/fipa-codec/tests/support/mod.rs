@@ -32,11 +32,11 @@ pub(crate) fn index(file: &str) -> Vec<Value> {
     serde_json::from_slice(&recording(file)).unwrap()
 }
 
-/// The bit-efficient entries of fipa_acl of this kind: name, octets, entry.
-pub(crate) fn fipa_acl(kind: &str) -> Vec<(String, Bytes, Value)> {
+/// The entries of fipa_acl in this representation and of this kind: name, octets, entry.
+pub(crate) fn fipa_acl(representation: &str, kind: &str) -> Vec<(String, Bytes, Value)> {
     let entries: Vec<_> = index("fipa_acl/index.json")
         .into_iter()
-        .filter(|entry| entry["kind"] == kind && entry["representation"] == "bitefficient")
+        .filter(|entry| entry["kind"] == kind && entry["representation"] == representation)
         .map(|entry| {
             let octets = recording(&format!("fipa_acl/{}", string(&entry["file"])));
             (string(&entry["name"]), octets, entry)

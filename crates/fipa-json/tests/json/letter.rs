@@ -35,8 +35,13 @@ proptest! {
             .collect();
         let letter = Letter { envelope: Envelope { base, overlays }, payload };
         let form = letter_from_json(&raw_letter_to_json(&letter, letter.envelope.layers())).unwrap();
-        let layers = letter.envelope.layers().cloned().collect();
-        prop_assert_eq!(form.envelope, EnvelopeForm::Layers(layers));
+        let layers: Vec<_> = letter.envelope.layers().cloned().collect();
+        let EnvelopeForm::Layers { layers: read, flattened } = form.envelope else {
+            panic!("no layers");
+        };
+        prop_assert_eq!(read, layers);
+        let stamps = flattened.as_ref().map(|envelope| envelope.stamps().count());
+        prop_assert_eq!(stamps, Some(letter.envelope.stamps().count()));
         prop_assert_eq!(form.body, Body::Payload(letter.payload));
     }
 }
@@ -198,7 +203,7 @@ fn layers_win_over_the_flattened_envelope_and_may_hold_a_message() {
         "layers": [{"comments": "new"}, {"comments": "base"}],
         "message": {"performative": "inform"}});
     let form = letter_from_json(&given).unwrap();
-    let EnvelopeForm::Layers(layers) = form.envelope else {
+    let EnvelopeForm::Layers { layers, .. } = form.envelope else {
         panic!("not layers");
     };
     let comments: Vec<_> = layers.iter().map(|layer| layer.comments.clone()).collect();
