@@ -97,7 +97,8 @@ impl State {
 pub struct Record {
     /// The entry.
     pub entry: Entry,
-    /// The message transport service that vouches for it.
+    /// The message transport service that vouches for it. An agent of another make has none: its
+    /// owner is an id made from its name, which begins with eight octets of zero.
     pub owner: InstanceId,
     /// How it came to be known.
     pub source: Source,

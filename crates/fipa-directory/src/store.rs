@@ -143,6 +143,11 @@ impl Directory {
             .min_by_key(|r| (r.source != Source::Local, r.state, r.since))
     }
 
+    /// The records of exactly this name, several if several platforms hold it, in no order.
+    pub fn find_all(&self, name: &str) -> &[Record] {
+        self.names.get(name).map_or(&[], Vec::as_slice)
+    }
+
     /// The records whose field matches, one a name, in no order.
     pub fn search<'a>(
         &'a self,

@@ -8,7 +8,12 @@
 //!                        │ 1 submission           │ 1 delivery a receiver, with its own overlay
 //!                        ▼                        ▼
 //!   link ◀─ receipt ── outcomes of all ◀── mailbox │ program's link │ peer's link │ dial
+//!                                                  │ a connection of its own, in a dialect
 //! ```
+//!
+//! A connection that somebody else opened is our link, or brings one letter of another make: its
+//! first octets tell. Letters to agents of other makes leave in the dialect of their location's
+//! signature, one a connection, and their outcome is `sent`: nobody over there gives receipts.
 //!
 //! **Knows** stamps, receivers, who is reached over which link, what became of each letter, when
 //! to dial and when a peer is gone. **Never knows** a socket, a clock or a payload: time and
@@ -25,7 +30,8 @@ mod program;
 
 pub use config::{Config, ProgramConfig};
 pub use machine::{
-    ConnId, Connected, DialId, Machine, Notice, Output, RegisterError, Registration, Submission,
+    Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, RegisterError,
+    Registration, Submission,
 };
 pub use mailbox::{Mailbox, MailboxFull};
 pub use mts::Mts;

@@ -25,6 +25,30 @@ pub struct Connected {
     pub control: bool,
     /// Whether the partner is on this host, and may be told loopback addresses.
     pub same_host: bool,
+    /// Where the partner's end is, for people.
+    pub remote: Text,
+}
+
+/// How a stream ended, and how far the writing had got.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ended<'a> {
+    /// In words, for people.
+    pub reason: &'a str,
+    /// Whether one of the two ends closed it; otherwise it broke, and what was under way in either
+    /// direction may be lost.
+    pub orderly: bool,
+    /// Whether the system took every octet that waited to be written. It is not known that any of
+    /// them arrived.
+    pub all_written: bool,
+}
+
+/// Something that the network announces.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Announced {
+    /// A platform of ours.
+    Platform(InstanceId),
+    /// An agent of another make, by its name.
+    Agent(Text),
 }
 
 /// An agent to register.
@@ -58,7 +82,37 @@ pub struct Submission {
     pub letter: Letter,
     /// How long the outcome is waited for; the service may wait shorter.
     pub timeout: Duration,
+    /// When an answer is not wanted any more (the message's `reply-by`), in milliseconds since
+    /// 1970-01-01T00:00:00Z. After that the letter is not sent: its outcome is
+    /// [`Expired`](fipa_link::Outcome::Expired).
+    pub reply_by: Option<i64>,
+    /// The transports that the sender prefers, as schemes of addresses: `tcp`. Among the locations
+    /// of a receiver that has several these are tried first and in this order, the others after
+    /// them in the receiver's.
+    pub transports: Vec<Text>,
 }
+
+impl Submission {
+    /// A letter without `reply-by` and preference.
+    pub fn new(ticket: u64, letter: Letter, timeout: Duration) -> Submission {
+        Submission {
+            ticket,
+            letter,
+            timeout,
+            reply_by: None,
+            transports: Vec::new(),
+        }
+    }
+
+    /// What is left until `reply-by`; `None` when there is none.
+    pub(crate) fn until_reply_by(&self, now: Now) -> Option<Duration> {
+        let left = self.reply_by?.saturating_sub(now.unix_millis).max(0);
+        Some(Duration::from_millis(left.unsigned_abs()))
+    }
+}
+
+/// Why a letter is not sent whose `reply-by` has passed.
+pub(crate) const REPLY_BY: &str = "reply-by has passed";
 
 /// Why an agent was not registered.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -93,8 +147,15 @@ pub enum Output {
     },
     /// Octets wait to be written to this connection.
     Transmit(ConnId),
-    /// Close this connection once what waits is written; [`Machine::closed`] follows.
+    /// Close this connection once what waits is written, or the partner takes no more of it;
+    /// [`Machine::closed`] follows.
     Close(ConnId),
+    /// Close this connection once what waits is written, however long the partner takes for it:
+    /// the end of the stream ends the letter. [`Machine::closed`] follows.
+    Finish(ConnId),
+    /// Break this connection off, so that the partner does not take the end of the stream for the
+    /// end of a letter; [`Machine::closed`] follows.
+    Abort(ConnId),
     /// What became of a registration.
     Registered {
         /// The ticket it was asked with.
@@ -113,8 +174,8 @@ pub enum Output {
     Mail(Text),
     /// The directory changed.
     Directory(Change),
-    /// Ask the network whether this platform is still there: it is announced but does not answer.
-    Verify(InstanceId),
+    /// Ask the network whether this is still there: it is announced but does not answer.
+    Verify(Announced),
     /// Something for the log.
     Notice(Notice),
 }
@@ -158,6 +219,16 @@ pub enum Notice {
         /// Why.
         reason: Text,
     },
+    /// A letter that came over a connection of its own, whose sender is given no receipt, did not
+    /// reach everybody whom it was for.
+    LetterLost {
+        /// Where it came from.
+        from: Text,
+        /// How many octets of it have come.
+        octets: usize,
+        /// What is wrong, or for whom it was lost.
+        reason: Text,
+    },
     /// The daemon is there (again); told to programs.
     DaemonUp,
     /// The daemon is not there; it is looked for.
@@ -182,6 +253,14 @@ impl fmt::Display for Notice {
                 write!(f, "another daemon bears the name {name} too, at {other}")
             }
             Notice::LinkFailed { with, reason } => write!(f, "no link with {with}: {reason}"),
+            Notice::LetterLost {
+                from,
+                octets,
+                reason,
+            } => write!(
+                f,
+                "a letter of {octets} octets from {from} is lost: {reason}"
+            ),
             Notice::DaemonUp => f.write_str("the daemon is there"),
             Notice::DaemonLost { reason } => write!(f, "the daemon is lost: {reason}"),
             Notice::DaemonGivenUp { reason } => write!(f, "no daemon: {reason}"),
@@ -201,8 +280,8 @@ pub trait Machine {
     fn dial_failed(&mut self, now: Now, dial: DialId, reason: &str);
     /// Octets arrived; what does not make a whole frame yet is left in the buffer.
     fn received(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut);
-    /// The stream ended.
-    fn closed(&mut self, now: Now, conn: ConnId, reason: &str);
+    /// The stream ended; what had arrived was handed over before.
+    fn closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>);
     /// The next octets to write to a connection.
     fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes>;
     /// When [`handle_timeout`](Self::handle_timeout) wants to be called, on [`Now::mono`].

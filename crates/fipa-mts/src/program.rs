@@ -13,7 +13,8 @@ use fipa_link::{
 };
 
 use crate::machine::{
-    ConnId, Connected, DialId, Machine, Notice, Output, RegisterError, Registration, Submission,
+    ConnId, Connected, DialId, Ended, Machine, Notice, Output, REPLY_BY, RegisterError,
+    Registration, Submission,
 };
 use crate::mts::record_of;
 use crate::{Mailbox, ProgramConfig};
@@ -70,6 +71,8 @@ struct Sent {
     ticket: u64,
     parts: Vec<Bytes>,
     deadline: Duration,
+    /// Its reply-by is what ends it.
+    expires: bool,
     transmitted: bool,
 }
 
@@ -340,6 +343,10 @@ impl Program {
             self.on_receipt(id, vec![outcome("", Outcome::Refused, &why)]);
             return;
         }
+        if sent.expires && now.mono + MARGIN >= sent.deadline {
+            self.on_receipt(id, vec![outcome("", Outcome::Expired, REPLY_BY)]);
+            return;
+        }
         sent.transmitted = true;
         let left = sent.deadline.saturating_sub(now.mono + MARGIN);
         let frame = LetterFrame {
@@ -455,9 +462,9 @@ impl Machine for Program {
         self.announce_transmit();
     }
 
-    fn closed(&mut self, now: Now, conn: ConnId, reason: &str) {
+    fn closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>) {
         if self.conn.as_ref().is_some_and(|(open, _)| *open == conn) {
-            self.lost(now, reason);
+            self.lost(now, ended.reason);
         }
     }
 
@@ -483,13 +490,15 @@ impl Machine for Program {
             if at > now.mono {
                 break;
             }
-            let reason = match self.open {
-                true => "the daemon gave no receipt in time",
-                false => "there is no daemon at the control socket",
+            let expired = |sent: &Sent| sent.expires && !sent.transmitted;
+            let (told, reason) = match self.open {
+                _ if self.letters.get(&id).is_some_and(expired) => (Outcome::Expired, REPLY_BY),
+                true => (Outcome::Timeout, "the daemon gave no receipt in time"),
+                false => (Outcome::Timeout, "there is no daemon at the control socket"),
             };
             self.waiting.retain(|waiting| *waiting != id);
             self.deadlines.remove(&(at, id));
-            self.on_receipt(id, vec![outcome("", Outcome::Timeout, reason)]);
+            self.on_receipt(id, vec![outcome("", told, reason)]);
         }
         if self.redial.is_some_and(|at| at <= now.mono) {
             self.redial = None;
@@ -552,11 +561,18 @@ impl Machine for Program {
     }
 
     fn submit(&mut self, now: Now, submission: Submission) {
+        let until = submission.until_reply_by(now);
         let Submission {
             ticket,
             letter,
             timeout,
+            ..
         } = submission;
+        if until == Some(Duration::ZERO) {
+            let outcomes = vec![outcome("", Outcome::Expired, REPLY_BY)];
+            self.outputs.push_back(Output::Outcome { ticket, outcomes });
+            return;
+        }
         let mut head = Encoded::new();
         let refusal = match bit_efficient::encode_envelope(&letter.envelope, &mut head) {
             Ok(()) if letter.payload.len() > self.config.max_letter => Some(format!(
@@ -579,12 +595,14 @@ impl Machine for Program {
             return;
         }
         let id = self.id();
-        let deadline = now.mono + timeout + MARGIN;
+        let expires = until.is_some_and(|left| left <= timeout);
+        let deadline = now.mono + until.unwrap_or(timeout).min(timeout) + MARGIN;
         let parts = vec![head.take_bytes(), letter.payload];
         let sent = Sent {
             ticket,
             parts,
             deadline,
+            expires,
             transmitted: false,
         };
         self.letters.insert(id, sent);

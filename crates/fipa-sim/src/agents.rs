@@ -68,12 +68,20 @@ impl Sim {
 
     /// Submits a letter; the ticket of its outcome.
     pub fn submit(&mut self, node: NodeId, letter: Letter, timeout: Duration) -> u64 {
+        self.submit_with(node, letter, timeout, |_| ())
+    }
+
+    /// Submits a letter with other wishes than the usual ones; the ticket of its outcome.
+    pub fn submit_with(
+        &mut self,
+        node: NodeId,
+        letter: Letter,
+        timeout: Duration,
+        set: impl FnOnce(&mut Submission),
+    ) -> u64 {
         let ticket = self.ticket();
-        let submission = Submission {
-            ticket,
-            letter,
-            timeout,
-        };
+        let mut submission = Submission::new(ticket, letter, timeout);
+        set(&mut submission);
         if self.is_up(node) {
             self.open_tickets += 1;
             self.nodes[node.0].submitted.push(ticket);

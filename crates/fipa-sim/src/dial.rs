@@ -102,7 +102,7 @@ impl Sim {
 
     fn listens(&self, node: NodeId) -> bool {
         let node = &self.nodes[node.0];
-        matches!(node.running, Running::Daemon(_)) && !node.closing
+        matches!(node.running, Running::Daemon(_) | Running::Robot(_)) && !node.closing
     }
 
     fn connect(&mut self, node: NodeId, there: NodeId, dialled: (DialId, Address), control: bool) {

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
-use fipa_directory::{Address, InstanceId};
-use fipa_mts::{ConnId, DialId};
+use fipa_directory::Address;
+use fipa_mts::{Announced, ConnId, DialId};
 
 use crate::{NodeId, Sim};
 
@@ -41,12 +41,14 @@ pub(crate) enum Event {
         node: NodeId,
         run: u64,
         conn: ConnId,
+        orderly: bool,
+        all_written: bool,
     },
-    /// The network was asked whether a platform is there, and nobody answered.
+    /// The network was asked whether something is there, and nobody answered.
     Unanswered {
         node: NodeId,
         run: u64,
-        instance: InstanceId,
+        announced: Announced,
     },
     /// What a test wants done.
     Call(Box<dyn FnOnce(&mut Sim)>),

@@ -5,7 +5,7 @@ use std::time::Duration;
 use fipa_directory::InstanceId;
 
 use crate::events::Event;
-use crate::net::{EndState, Network};
+use crate::net::{EndState, Item, Network};
 use crate::node::{NodeId, Running};
 use crate::sim::Sim;
 
@@ -24,19 +24,19 @@ impl Sim {
     /// Ends a process without a word. Its host lives: its streams end, and who dials it is
     /// refused.
     pub fn crash(&mut self, node: NodeId) {
-        self.end_run(node, Some("connection reset by peer"));
+        self.end_run(node, true);
     }
 
     /// Takes the power from a host: nobody is told that its streams have ended. A process that is
     /// started there later says so to whoever still writes.
     pub fn power_off(&mut self, node: NodeId) {
-        self.end_run(node, None);
+        self.end_run(node, false);
     }
 
-    fn end_run(&mut self, node: NodeId, told: Option<&'static str>) {
+    fn end_run(&mut self, node: NodeId, told: bool) {
         let conns = std::mem::take(&mut self.nodes[node.0].conns);
         for (stream, side) in conns.into_values() {
-            self.end_side(stream, side, told);
+            self.end_side(stream, side, told.then_some(Item::Reset));
         }
         let unanswered = self.unanswered(node);
         self.open_tickets = self.open_tickets.saturating_sub(unanswered);
@@ -59,7 +59,7 @@ impl Sim {
     pub(crate) fn end_if_closed(&mut self, node: NodeId) {
         let ended = &self.nodes[node.0];
         if ended.closing && ended.conns.is_empty() {
-            self.end_run(node, None);
+            self.end_run(node, false);
         }
     }
 
@@ -146,8 +146,9 @@ impl Sim {
         let node = open.ends[side].node;
         match open.ends[side].state {
             EndState::Open(conn) => {
+                let all_written = open.ends[side].all_written;
                 self.end_side(stream, side, None);
-                self.closed_here(node, conn);
+                self.closed_here(node, conn, false, all_written);
             }
             // It ends as soon as it is there.
             EndState::Connecting => self.answer_reset(stream, side),

@@ -1,7 +1,7 @@
 //! For tests: machines on a simulated clock and network.
 //!
 //! ```text
-//!   Sim ── queue of events ──▶ node: Mts | Program ──▶ outputs
+//!   Sim ── queue of events ──▶ node: Mts | Program | robot ──▶ outputs
 //!    │ clock                     ▲                        │ dial, transmit, close
 //!    │ faults: crash, cut,       └── streams: latency, ◀──┘ outcomes, notices, mail: kept
 //!    └ freeze, reset                 jitter, splits
@@ -34,10 +34,12 @@ mod faults;
 mod net;
 mod node;
 mod nodes;
+mod robot;
 mod run;
 mod sim;
 mod write;
 
 pub use net::Network;
 pub use node::{Collected, NodeId, Told};
+pub use robot::{Habit, Then};
 pub use sim::Sim;

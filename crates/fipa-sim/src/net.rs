@@ -4,8 +4,9 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
+use fipa_acl::Text;
 use fipa_directory::Address;
-use fipa_mts::{ConnId, Connected, DialId};
+use fipa_mts::{ConnId, Connected, DialId, Ended};
 
 use crate::events::Event;
 use crate::node::NodeId;
@@ -56,7 +57,20 @@ pub(crate) struct End {
     /// When this end of a slow stream may write again, and what waits for that.
     pub(crate) free_at: Duration,
     pub(crate) outbox: VecDeque<Bytes>,
-    pub(crate) closing: bool,
+    /// Octets that the system at this end has taken.
+    pub(crate) taken: usize,
+    /// Whether nothing waits to be written by this end.
+    pub(crate) all_written: bool,
+    pub(crate) wish: Option<Wish>,
+}
+
+/// How an end is to be closed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wish {
+    /// Once all is written.
+    Finish,
+    /// Once all is written, or the other side takes no more.
+    Close,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,7 +83,19 @@ pub(crate) enum EndState {
 #[derive(Debug)]
 pub(crate) enum Item {
     Octets(Bytes),
-    End(&'static str),
+    /// The other end was closed.
+    Closed,
+    /// The stream is broken.
+    Reset,
+}
+
+impl Item {
+    fn reason(&self) -> &'static str {
+        match self {
+            Item::Reset => "connection reset by peer",
+            Item::Octets(_) | Item::Closed => "the other side closed the connection",
+        }
+    }
 }
 
 impl Stream {
@@ -83,7 +109,9 @@ impl Stream {
             last_arrival: Duration::ZERO,
             free_at: Duration::ZERO,
             outbox: VecDeque::new(),
-            closing: false,
+            taken: 0,
+            all_written: true,
+            wish: None,
         };
         Stream {
             ends: ends.map(end),
@@ -115,7 +143,7 @@ impl Sim {
         };
         let (node, other) = (opened.ends[side].node, opened.ends[1 - side].node);
         if self.nodes[node.0].run != opened.ends[side].run {
-            self.end_side(stream, side, Some("connection reset by peer"));
+            self.end_side(stream, side, Some(Item::Reset));
             return;
         }
         if self.nodes[node.0].frozen {
@@ -139,6 +167,7 @@ impl Sim {
             dialled,
             control,
             same_host,
+            remote: Text::from(format!("tcp://node-{}:40000", other.0)),
         };
         self.with(node, |machine, now| machine.connected(now, connected));
         self.arrive(stream, side);
@@ -174,9 +203,14 @@ impl Sim {
                         open.ends[side].inbox = inbox;
                     }
                 }
-                Some((_, Item::End(reason))) => {
+                Some((_, end)) => {
+                    let ended = Ended {
+                        reason: end.reason(),
+                        orderly: matches!(end, Item::Closed),
+                        all_written: open.ends[side].all_written,
+                    };
                     self.end_side(stream, side, None);
-                    self.with(node, |machine, now| machine.closed(now, conn, reason));
+                    self.with(node, |machine, now| machine.closed(now, conn, ended));
                     self.end_if_closed(node);
                 }
                 None => return,

@@ -4,11 +4,14 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use fipa_acl::{Letter, Text};
-use fipa_directory::{Address, Change, InstanceId};
+use fipa_directory::{Address, Change};
 use fipa_link::ReceiverOutcome;
-use fipa_mts::{Config, ConnId, Machine, Mts, Notice, Program, ProgramConfig, RegisterError};
+use fipa_mts::{
+    Announced, Config, ConnId, Machine, Mts, Notice, Program, ProgramConfig, RegisterError,
+};
 
 use crate::events::Event;
+use crate::robot::Robot;
 
 /// A node of the simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -36,8 +39,8 @@ pub struct Collected {
     pub changes: Vec<(Duration, Change)>,
     /// Letters that were taken out of mailboxes, by agent.
     pub mail: BTreeMap<Text, Vec<Letter>>,
-    /// Platforms of which the network was to be asked.
-    pub verified: Vec<InstanceId>,
+    /// What the network was to be asked for.
+    pub verified: Vec<Announced>,
     /// Dials that were asked for, with their times.
     pub dials: Vec<(Duration, Vec<Address>)>,
 }
@@ -47,6 +50,7 @@ pub struct Collected {
 pub(crate) enum Running {
     Daemon(Box<Mts>),
     Program(Box<Program>),
+    Robot(Box<Robot>),
     /// It crashed or was shut down.
     Nothing,
 }
@@ -56,6 +60,7 @@ pub(crate) enum Running {
 pub(crate) enum Recipe {
     Daemon(Box<Config>),
     Program(Box<ProgramConfig>),
+    Robot,
 }
 
 #[derive(Debug)]
@@ -66,6 +71,8 @@ pub(crate) struct Node {
     pub(crate) host: NodeId,
     /// Where it listens, and whether that is the control socket.
     pub(crate) listening: Vec<(Address, bool)>,
+    /// Agents of a robot that mDNS tells of.
+    pub(crate) announced: Vec<Text>,
     /// Peers that it was given, and is given again when it is restarted.
     pub(crate) peers: Vec<Address>,
     /// Counts its runs; what belongs to an earlier one is dropped.
@@ -93,6 +100,7 @@ impl Node {
             recipe,
             host,
             listening,
+            announced: Vec::new(),
             peers: Vec::new(),
             run: 0,
             conns: BTreeMap::new(),
@@ -111,6 +119,7 @@ impl Node {
         match &self.running {
             Running::Daemon(mts) => Some(mts.as_ref()),
             Running::Program(program) => Some(program.as_ref()),
+            Running::Robot(robot) => Some(robot.as_ref()),
             Running::Nothing => None,
         }
     }
@@ -119,6 +128,7 @@ impl Node {
         match &mut self.running {
             Running::Daemon(mts) => Some(mts.as_mut()),
             Running::Program(program) => Some(program.as_mut()),
+            Running::Robot(robot) => Some(robot.as_mut()),
             Running::Nothing => None,
         }
     }

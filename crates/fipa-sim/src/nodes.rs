@@ -64,11 +64,12 @@ impl Sim {
         match &mut self.nodes[node.0].recipe {
             Recipe::Daemon(config) => config.instance = instance,
             Recipe::Program(config) => config.instance = instance,
+            Recipe::Robot => {}
         }
         self.start(node);
     }
 
-    fn start(&mut self, node: NodeId) {
+    pub(crate) fn start(&mut self, node: NodeId) {
         let now = self.now;
         let starting = &mut self.nodes[node.0];
         starting.run += 1;
@@ -81,6 +82,7 @@ impl Sim {
                 Running::Daemon(Box::new(mts))
             }
             Recipe::Program(config) => Running::Program(Box::new(Program::new(*config, now))),
+            Recipe::Robot => Running::Robot(Box::default()),
         };
         self.settle(node);
     }

@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::time::Duration;
 
 use fipa_directory::{Address, Now};
-use fipa_mts::{ConnId, Machine, Output};
+use fipa_mts::{Announced, ConnId, Ended, Machine, Output};
 
 use crate::events::{Event, Queue};
-use crate::net::{Network, Stream};
+use crate::net::{Network, Stream, Wish};
 use crate::node::{Node, NodeId, Running, Told};
 
 /// How long the network is asked whether a platform is there.
@@ -119,14 +119,27 @@ impl Sim {
             Event::DialFailed { dial, reason, .. } => {
                 self.with(node, |machine, now| machine.dial_failed(now, dial, &reason));
             }
-            Event::Closed { conn, .. } => {
-                self.with(node, |machine, now| machine.closed(now, conn, "closed"));
+            Event::Closed {
+                conn,
+                orderly,
+                all_written,
+                ..
+            } => {
+                let ended = Ended {
+                    reason: "closed",
+                    orderly,
+                    all_written,
+                };
+                self.with(node, |machine, now| machine.closed(now, conn, ended));
                 self.end_if_closed(node);
             }
-            Event::Unanswered { instance, .. } => {
+            Event::Unanswered { announced, .. } => {
                 let now = self.now;
                 if let Running::Daemon(mts) = &mut self.nodes[node.0].running {
-                    mts.undiscovered(now, instance);
+                    match announced {
+                        Announced::Platform(instance) => mts.undiscovered(now, instance),
+                        Announced::Agent(name) => mts.neighbour_gone(now, &name),
+                    }
                 }
                 self.settle(node);
             }
@@ -197,14 +210,21 @@ impl Sim {
         match output {
             Output::Dial { dial, addresses } => self.dial(node, dial, addresses),
             Output::Transmit(conn) => self.pump(node, conn),
-            Output::Close(conn) => self.close(node, conn),
-            Output::Verify(instance) => {
-                self.nodes[node.0].collected.verified.push(instance);
-                if !self.answers(node, instance) {
+            Output::Close(conn) => self.close(node, conn, Wish::Close),
+            Output::Finish(conn) => self.close(node, conn, Wish::Finish),
+            Output::Abort(conn) => self.abort(node, conn),
+            Output::Verify(announced) => {
+                let answered = match &announced {
+                    Announced::Platform(instance) => self.answers(node, *instance),
+                    Announced::Agent(name) => self.answers_for(node, name),
+                };
+                let verified = &mut self.nodes[node.0].collected.verified;
+                verified.push(announced.clone());
+                if !answered {
                     let event = Event::Unanswered {
                         node,
                         run,
-                        instance,
+                        announced,
                     };
                     self.put(VERIFY, event);
                 }
@@ -221,8 +241,21 @@ impl Sim {
     }
 
     /// A connection's own end was closed; the machine hears of it as of any other end.
-    pub(crate) fn closed_here(&mut self, node: NodeId, conn: ConnId) {
+    pub(crate) fn closed_here(
+        &mut self,
+        node: NodeId,
+        conn: ConnId,
+        orderly: bool,
+        all_written: bool,
+    ) {
         let run = self.nodes[node.0].run;
-        self.put(Duration::ZERO, Event::Closed { node, run, conn });
+        let event = Event::Closed {
+            node,
+            run,
+            conn,
+            orderly,
+            all_written,
+        };
+        self.put(Duration::ZERO, event);
     }
 }

@@ -5,8 +5,9 @@ use std::time::Duration;
 use fipa_mts::ConnId;
 
 use crate::events::Event;
-use crate::net::{EndState, Item};
-use crate::node::NodeId;
+use crate::net::{EndState, Item, Wish};
+use crate::node::{NodeId, Running};
+use crate::robot::{Habit, WINDOW};
 use crate::sim::Sim;
 
 /// Octets that a slow stream takes at once.
@@ -22,23 +23,38 @@ impl Sim {
         let mut arrivals = Vec::new();
         let mut into_nothing = false;
         while let Some(open) = self.streams.get_mut(&stream) {
+            let room = match &self.nodes[open.ends[1 - side].node.0].running {
+                Running::Robot(robot) if robot.habit == Habit::Stalls => {
+                    WINDOW.saturating_sub(open.ends[1 - side].taken)
+                }
+                _ => usize::MAX,
+            };
             let from = &mut open.ends[side];
-            if open.network.octets_per_second.is_some() && from.free_at > now {
-                return self.arrivals(stream, 1 - side, arrivals);
+            let slow = open.network.octets_per_second.is_some() && from.free_at > now;
+            from.all_written = false;
+            if slow || room == 0 {
+                let given_up = room == 0 && from.wish == Some(Wish::Close);
+                self.arrivals(stream, 1 - side, arrivals);
+                if given_up {
+                    self.end_side(stream, side, Some(Item::Closed));
+                    self.closed_here(node, conn, true, false);
+                }
+                return;
             }
             let machine = self.nodes[node.0].machine_mut();
             let part = from.outbox.pop_front();
             let Some(mut part) = part.or_else(|| machine?.poll_transmit(conn)) else {
+                from.all_written = true;
                 break;
             };
             if open.ends[1 - side].state == EndState::Ended {
                 into_nothing = true;
                 continue;
             }
-            let mut piece = part.len();
+            let mut piece = part.len().min(room);
             let mut written = now;
-            if open.network.split && part.len() > 1 && open.random.bool() {
-                piece = open.random.usize(1..part.len());
+            if open.network.split && piece > 1 && open.random.bool() {
+                piece = open.random.usize(1..piece);
             }
             if let Some(speed) = open.network.octets_per_second {
                 piece = piece.min(PIECE);
@@ -52,6 +68,7 @@ impl Sim {
             if !rest.is_empty() {
                 open.ends[side].outbox.push_front(rest);
             }
+            open.ends[1 - side].taken += part.len();
             arrivals.push(open.put(written, 1 - side, Item::Octets(part)));
         }
         self.arrivals(stream, 1 - side, arrivals);
@@ -59,9 +76,9 @@ impl Sim {
             self.answer_reset(stream, side);
         }
         let closing = self.streams.get(&stream);
-        if closing.is_some_and(|open| open.ends[side].closing) {
-            self.end_side(stream, side, Some("the other side closed the connection"));
-            self.closed_here(node, conn);
+        if closing.is_some_and(|open| open.ends[side].wish.is_some()) {
+            self.end_side(stream, side, Some(Item::Closed));
+            self.closed_here(node, conn, true, true);
         }
     }
 
@@ -71,7 +88,7 @@ impl Sim {
         if let Some(open) = self.streams.get_mut(&stream)
             && self.nodes[open.ends[1 - side].node.0].machine().is_some()
         {
-            let at = open.put(now, side, Item::End("connection reset by peer"));
+            let at = open.put(now, side, Item::Reset);
             self.arrivals(stream, side, vec![at]);
         }
     }
@@ -83,18 +100,35 @@ impl Sim {
         }
     }
 
-    /// Closes a connection once what waits is written.
-    pub(crate) fn close(&mut self, node: NodeId, conn: ConnId) {
+    /// Closes a connection as it is wished.
+    pub(crate) fn close(&mut self, node: NodeId, conn: ConnId, wish: Wish) {
         if let Some((stream, side)) = self.nodes[node.0].conns.get(&conn).copied()
             && let Some(open) = self.streams.get_mut(&stream)
         {
-            open.ends[side].closing = true;
+            open.ends[side].wish = Some(wish);
             self.pump(node, conn);
         }
     }
 
+    /// Breaks a connection off.
+    pub(crate) fn abort(&mut self, node: NodeId, conn: ConnId) {
+        if let Some((stream, side)) = self.nodes[node.0].conns.get(&conn).copied() {
+            self.end_side(stream, side, Some(Item::Reset));
+            self.closed_here(node, conn, true, false);
+        }
+    }
+
+    /// The machine at an end of a stream, and the connection that it is there.
+    pub(crate) fn machine_end(&self, stream: u64, side: usize) -> Option<(NodeId, ConnId)> {
+        let end = &self.streams.get(&stream)?.ends[side];
+        match end.state {
+            EndState::Open(conn) => Some((end.node, conn)),
+            EndState::Connecting | EndState::Ended => None,
+        }
+    }
+
     /// Ends one end of a stream; the other one is told, or not.
-    pub(crate) fn end_side(&mut self, stream: u64, side: usize, told: Option<&'static str>) {
+    pub(crate) fn end_side(&mut self, stream: u64, side: usize, told: Option<Item>) {
         let now = self.now.mono;
         let Some(open) = self.streams.get_mut(&stream) else {
             return;
@@ -106,8 +140,8 @@ impl Sim {
         open.ends[side].arriving.clear();
         if open.ends[1 - side].state == EndState::Ended {
             self.streams.remove(&stream);
-        } else if let Some(reason) = told {
-            let at = open.put(now, 1 - side, Item::End(reason));
+        } else if let Some(told) = told {
+            let at = open.put(now, 1 - side, told);
             self.arrivals(stream, 1 - side, vec![at]);
         }
     }

@@ -13,5 +13,5 @@ mod unix;
 
 pub use dial::{DialError, dial};
 pub use listen::{BindError, Listener};
-pub use pump::{Driver, Handle, pump};
+pub use pump::{Driver, End, Handle, pump};
 pub use stream::Stream;

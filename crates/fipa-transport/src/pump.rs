@@ -1,8 +1,9 @@
 use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::fmt;
 use std::io::{self, IoSlice};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Duration;
 
 use bytes::{Buf, Bytes, BytesMut};
@@ -17,15 +18,48 @@ pub trait Driver: Send + Sync + 'static {
     fn received(&self, octets: &mut BytesMut);
     /// The next octets to write, and whether there may be more after these.
     fn transmit(&self, parts: &mut VecDeque<Bytes>) -> bool;
-    /// The connection has ended; nothing follows.
-    fn closed(&self, reason: &str);
+    /// The connection has ended; nothing follows. `all_written`: the system took everything that
+    /// waited to be written.
+    fn closed(&self, end: &End, all_written: bool);
+}
+
+/// How a connection ended.
+#[derive(Debug)]
+pub enum End {
+    /// We closed it.
+    Ours,
+    /// The other side had written everything that it had to say.
+    Theirs,
+    /// It broke.
+    Broken(io::Error),
+}
+
+impl fmt::Display for End {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            End::Ours => f.write_str("closed"),
+            End::Theirs => f.write_str("the other side closed the connection"),
+            End::Broken(error) => error.fmt(f),
+        }
+    }
 }
 
 /// Wakes a connection that waits for its partner.
 #[derive(Debug, Default)]
 pub struct Handle {
     wake: Notify,
-    close: AtomicBool,
+    wish: AtomicU8,
+}
+
+/// How a connection is wished to end; a stronger wish replaces a weaker one.
+mod wish {
+    pub(super) const NONE: u8 = 0;
+    /// When all is written, however long that takes.
+    pub(super) const FINISH: u8 = 1;
+    /// When all is written, or the partner takes nothing any more.
+    pub(super) const CLOSE: u8 = 2;
+    /// Now.
+    pub(super) const ABORT: u8 = 3;
 }
 
 impl Handle {
@@ -34,9 +68,24 @@ impl Handle {
         self.wake.notify_one();
     }
 
-    /// The connection closes as soon as all that waits is written.
+    /// The connection closes as soon as all that waits is written, or the partner takes no more.
     pub fn close(&self) {
-        self.close.store(true, Ordering::Release);
+        self.wish(wish::CLOSE);
+    }
+
+    /// The connection closes as soon as all that waits is written, however long the partner takes
+    /// for it.
+    pub fn finish(&self) {
+        self.wish(wish::FINISH);
+    }
+
+    /// The connection is broken off at once: the partner sees an error, not an end.
+    pub fn abort(&self) {
+        self.wish(wish::ABORT);
+    }
+
+    fn wish(&self, wish: u8) {
+        self.wish.fetch_max(wish, Ordering::AcqRel);
         self.wake.notify_one();
     }
 }
@@ -61,33 +110,44 @@ thread_local! {
 
 /// Moves octets between a stream and its driver until one of them ends it.
 pub async fn pump(stream: Stream, handle: Arc<Handle>, driver: impl Driver) {
-    let reason = match run(&stream, &handle, &driver).await {
-        Ok(()) => "closed".to_owned(),
-        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
-            "the other side closed the connection".to_owned()
-        }
-        Err(error) => error.to_string(),
+    let mut output: VecDeque<Bytes> = VecDeque::new();
+    let mut all_written = false;
+    let result = run(&stream, &handle, &driver, &mut output, &mut all_written).await;
+    let end = match result {
+        Ok(()) => End::Ours,
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => End::Theirs,
+        Err(error) => End::Broken(error),
     };
-    driver.closed(&reason);
+    driver.closed(&end, all_written);
 }
 
-async fn run(stream: &Stream, handle: &Handle, driver: &impl Driver) -> io::Result<()> {
+async fn run(
+    stream: &Stream,
+    handle: &Handle,
+    driver: &impl Driver,
+    output: &mut VecDeque<Bytes>,
+    all_written: &mut bool,
+) -> io::Result<()> {
     let mut input = BytesMut::new();
-    let mut output: VecDeque<Bytes> = VecDeque::new();
     loop {
-        let more = driver.transmit(&mut output);
-        let blocked = write(stream, &mut output)?;
+        if handle.wish.load(Ordering::Acquire) == wish::ABORT {
+            return stream.abort();
+        }
+        let more = driver.transmit(output);
+        *all_written = false;
+        let blocked = write(stream, output)?;
+        *all_written = output.is_empty() && !more;
         if more && !blocked {
             // Nobody wakes us for what the driver still has.
             tokio::task::yield_now().await;
             continue;
         }
-        let closing = handle.close.load(Ordering::Acquire);
-        if output.is_empty() && closing {
-            return Ok(());
+        let wish = handle.wish.load(Ordering::Acquire);
+        if output.is_empty() && wish != wish::NONE {
+            return stream.end_writing();
         }
         let linger = async {
-            match closing {
+            match wish == wish::CLOSE {
                 true => tokio::time::sleep(LINGER).await,
                 false => std::future::pending().await,
             }

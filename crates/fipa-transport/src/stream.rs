@@ -1,5 +1,7 @@
 use std::io::{self, IoSlice};
+use std::time::Duration;
 
+use socket2::SockRef;
 use tokio::io::{Interest, Ready};
 use tokio::net::TcpStream;
 use tokio::net::UnixStream;
@@ -33,6 +35,31 @@ impl Stream {
             },
             Kind::Unix(_) => true,
         }
+    }
+
+    /// Where the other end is.
+    pub fn remote(&self) -> String {
+        match &self.0 {
+            Kind::Tcp(stream) => match stream.peer_addr() {
+                Ok(address) => format!("tcp://{address}"),
+                Err(_) => "tcp://".to_owned(),
+            },
+            Kind::Unix(_) => "a program of this host".to_owned(),
+        }
+    }
+
+    /// Ends what we write; an error if the connection is known to be broken by now.
+    pub(crate) fn end_writing(&self) -> io::Result<()> {
+        each!(self, stream => SockRef::from(stream).shutdown(std::net::Shutdown::Write))?;
+        match self.try_read(&mut [0]) {
+            Err(error) if error.kind() != io::ErrorKind::WouldBlock => Err(error),
+            _ => Ok(()),
+        }
+    }
+
+    /// Has the other side see an error instead of an end, once the stream is dropped.
+    pub(crate) fn abort(&self) -> io::Result<()> {
+        each!(self, stream => SockRef::from(stream).set_linger(Some(Duration::ZERO)))
     }
 
     pub(crate) async fn ready(&self, interest: Interest) -> io::Result<Ready> {

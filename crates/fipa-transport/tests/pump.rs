@@ -1,13 +1,14 @@
 //! What a driver gives arrives, however it gives it.
 
 use std::collections::VecDeque;
+use std::io::{ErrorKind, Read};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_directory::Address;
-use fipa_transport::{Driver, Handle, Listener, dial, pump};
+use fipa_transport::{Driver, End, Handle, Listener, dial, pump};
 use tokio::sync::mpsc;
 
 /// Gives its parts one at a time.
@@ -24,7 +25,7 @@ impl Driver for Giving {
         !own.is_empty()
     }
 
-    fn closed(&self, _reason: &str) {}
+    fn closed(&self, _end: &End, _all_written: bool) {}
 }
 
 /// Tells how many octets have come.
@@ -44,7 +45,7 @@ impl Driver for Taking {
         false
     }
 
-    fn closed(&self, _reason: &str) {}
+    fn closed(&self, _end: &End, _all_written: bool) {}
 }
 
 #[tokio::test]
@@ -68,4 +69,87 @@ async fn all_that_a_driver_has_is_written_without_waking_it_again() {
     let all = async { while octets.recv().await.is_some_and(|octets| octets < 500) {} };
     let arrived = tokio::time::timeout(Duration::from_secs(10), all).await;
     assert!(arrived.is_ok());
+}
+
+/// Gives its parts at once, and tells how the connection ended.
+struct Writing {
+    parts: Mutex<VecDeque<Bytes>>,
+    told: mpsc::UnboundedSender<(String, bool)>,
+}
+
+impl Driver for Writing {
+    fn received(&self, octets: &mut BytesMut) {
+        octets.clear();
+    }
+
+    fn transmit(&self, parts: &mut VecDeque<Bytes>) -> bool {
+        parts.append(&mut self.parts.lock().unwrap());
+        false
+    }
+
+    fn closed(&self, end: &End, all_written: bool) {
+        let end = match end {
+            End::Broken(_) => "broken".to_owned(),
+            end => end.to_string(),
+        };
+        let _ = self.told.send((end, all_written));
+    }
+}
+
+/// Octets that no socket takes at once.
+const MANY: usize = 16 << 20;
+
+/// Writes many octets to a socket that `read` reads from, with `wish` made of the connection; what
+/// `read` said, how the connection ended, and whether all was written.
+async fn write_to<R: Send + 'static>(
+    wish: impl FnOnce(&Handle),
+    read: impl FnOnce(std::net::TcpStream) -> R + Send + 'static,
+) -> (R, String, bool) {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let reading = tokio::task::spawn_blocking(move || read(listener.accept().unwrap().0));
+    let (stream, _) = dial(&[Address::tcp("127.0.0.1", port)]).await.unwrap();
+    let (told, mut ended) = mpsc::unbounded_channel();
+    let parts = VecDeque::from(vec![Bytes::from(vec![7; MANY])]);
+    let writing = Writing {
+        parts: Mutex::new(parts),
+        told,
+    };
+    let handle = Arc::new(Handle::default());
+    tokio::spawn(pump(stream, Arc::clone(&handle), writing));
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    wish(&handle);
+    let read = reading.await.unwrap();
+    let (end, all_written) = ended.recv().await.unwrap();
+    (read, end, all_written)
+}
+
+#[tokio::test]
+async fn what_is_to_be_finished_is_written_however_late_the_other_side_reads() {
+    let (read, end, all_written) = write_to(Handle::finish, |mut stream| {
+        std::thread::sleep(Duration::from_millis(1500));
+        stream.read_to_end(&mut Vec::new()).unwrap()
+    })
+    .await;
+    assert_eq!((read, end.as_str(), all_written), (MANY, "closed", true));
+}
+
+#[tokio::test]
+async fn what_is_broken_off_ends_in_an_error_for_the_other_side() {
+    let (read, end, all_written) = write_to(Handle::abort, |mut stream| {
+        std::thread::sleep(Duration::from_millis(200));
+        stream.read_to_end(&mut Vec::new()).map_err(|e| e.kind())
+    })
+    .await;
+    assert_eq!(read, Err(ErrorKind::ConnectionReset));
+    assert_eq!((end.as_str(), all_written), ("closed", false));
+}
+
+#[tokio::test]
+async fn a_reader_that_goes_away_in_the_middle_is_told_as_such() {
+    let (_, end, all_written) = write_to(Handle::finish, |mut stream| {
+        stream.read_exact(&mut [0; 1000]).unwrap();
+    })
+    .await;
+    assert_eq!((end.as_str(), all_written), ("broken", false));
 }

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fipa_acl::Text;
-use fipa_directory::{Address, InstanceId};
+use fipa_directory::Address;
 use fipa_dsd::{DiscoveredPeer, DiscoveryEvent, Mdns, MdnsConfig, MdnsError};
-use fipa_mts::Mts;
+use fipa_mts::{Announced, Mts};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
@@ -134,14 +134,18 @@ pub(crate) fn run(
 async fn listen(
     node: Arc<Node<Mts>>,
     mut discovery: Discovery,
-    mut verify: mpsc::UnboundedReceiver<InstanceId>,
+    mut verify: mpsc::UnboundedReceiver<Announced>,
     mut until: oneshot::Receiver<()>,
 ) {
     loop {
         tokio::select! {
             event = discovery.next() => hand_over(&node, event),
-            Some(instance) = verify.recv() => {
-                if let Some(Err(error)) = discovery.mdns.as_ref().map(|mdns| mdns.verify(instance)) {
+            Some(announced) = verify.recv() => {
+                // Of other agents than platforms mDNS tells nothing, so there is nothing to ask.
+                if let Announced::Platform(instance) = announced
+                    && let Some(Err(error)) =
+                        discovery.mdns.as_ref().map(|mdns| mdns.verify(instance))
+                {
                     tracing::debug!("mDNS does not verify: {error}");
                 }
             }

@@ -7,10 +7,12 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_acl::Text;
-use fipa_directory::{Address, Change, InstanceId, Now};
+use fipa_directory::{Address, Change, Now};
 use fipa_link::ReceiverOutcome;
-use fipa_mts::{ConnId, Connected, DialId, Machine, Notice, Output, RegisterError};
-use fipa_transport::{Driver, Handle, Listener, Stream};
+use fipa_mts::{
+    Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, RegisterError,
+};
+use fipa_transport::{Driver, End, Handle, Listener, Stream};
 use tokio::sync::{Notify, mpsc, oneshot};
 
 use crate::clock::Clock;
@@ -41,7 +43,7 @@ pub(crate) struct Hub {
     mail: HashMap<Text, Arc<Notify>>,
     changes: Vec<mpsc::UnboundedSender<Change>>,
     notices: Vec<mpsc::UnboundedSender<Notice>>,
-    verify: Option<mpsc::UnboundedSender<InstanceId>>,
+    verify: Option<mpsc::UnboundedSender<Announced>>,
     ended: bool,
 }
 
@@ -107,7 +109,7 @@ impl Hub {
         self.ended
     }
 
-    pub(crate) fn verifications(&mut self) -> mpsc::UnboundedReceiver<InstanceId> {
+    pub(crate) fn verifications(&mut self) -> mpsc::UnboundedReceiver<Announced> {
         let (sender, receiver) = mpsc::unbounded_channel();
         self.verify = Some(sender);
         receiver
@@ -188,6 +190,7 @@ impl<M: Machine + Send + 'static> Node<M> {
             dialled,
             control,
             same_host: stream.same_host(),
+            remote: Text::from(stream.remote()),
         };
         state.machine.connected(self.clock.now(), connected);
         self.act(state, Some(conn));
@@ -225,6 +228,16 @@ impl<M: Machine + Send + 'static> Node<M> {
                 Output::Close(conn) => {
                     if let Some(handle) = state.handles.get(&conn) {
                         handle.close();
+                    }
+                }
+                Output::Finish(conn) => {
+                    if let Some(handle) = state.handles.get(&conn) {
+                        handle.finish();
+                    }
+                }
+                Output::Abort(conn) => {
+                    if let Some(handle) = state.handles.get(&conn) {
+                        handle.abort();
                     }
                 }
                 output => tell(&mut state.hub, output),
@@ -273,12 +286,16 @@ fn tell(hub: &mut Hub, output: Output) {
                 hub.end();
             }
         }
-        Output::Verify(instance) => {
+        Output::Verify(announced) => {
             if let Some(verify) = &hub.verify {
-                let _ = verify.send(instance);
+                let _ = verify.send(announced);
             }
         }
-        Output::Dial { .. } | Output::Transmit(_) | Output::Close(_) => {}
+        Output::Dial { .. }
+        | Output::Transmit(_)
+        | Output::Close(_)
+        | Output::Finish(_)
+        | Output::Abort(_) => {}
     }
 }
 
@@ -353,11 +370,17 @@ impl<M: Machine + Send + 'static> Driver for Connection<M> {
         false
     }
 
-    fn closed(&self, reason: &str) {
+    fn closed(&self, end: &End, all_written: bool) {
+        let reason = end.to_string();
+        let ended = Ended {
+            reason: &reason,
+            orderly: !matches!(end, End::Broken(_)),
+            all_written,
+        };
         let mut state = self.node.lock();
         state.handles.remove(&self.conn);
         let now = self.node.clock.now();
-        state.machine.closed(now, self.conn, reason);
+        state.machine.closed(now, self.conn, ended);
         self.node.act(&mut state, Some(self.conn));
     }
 }

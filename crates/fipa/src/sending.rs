@@ -18,30 +18,20 @@ pub(crate) async fn send(
     timeout: Duration,
 ) -> Vec<ReceiverOutcome> {
     let now = platform.clock.now().unix_millis;
-    let mut patience = timeout;
-    if let Some(reply_by) = message.reply_by {
-        let until = reply_by.resolve(now);
-        if until <= now {
-            return failed(&message.receiver, Outcome::Expired, "reply-by has passed");
-        }
-        patience = patience.min(Duration::from_millis(until.abs_diff(now)));
-        // A relative time means another point in time wherever it is read.
-        message.reply_by = Some(FipaTime::from_unix_millis(until));
-    }
+    let reply_by = message.reply_by.map(|reply_by| reply_by.resolve(now));
+    // A relative time means another point in time wherever it is read.
+    message.reply_by = reply_by.map(FipaTime::from_unix_millis);
     let letter = match letter(message.clone(), now) {
         Ok(letter) => letter,
         Err(reason) => return failed(&message.receiver, Outcome::Refused, &reason),
     };
     let outcomes = platform.backend.with(|now, machine, hub| {
         let (ticket, outcomes) = hub.expect_outcome();
-        machine.submit(
-            now,
-            Submission {
-                ticket,
-                letter,
-                timeout: patience,
-            },
-        );
+        let submission = Submission {
+            reply_by,
+            ..Submission::new(ticket, letter, timeout)
+        };
+        machine.submit(now, submission);
         outcomes
     });
     match outcomes.await {

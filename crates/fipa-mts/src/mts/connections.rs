@@ -24,6 +24,10 @@ pub(super) const ONLY: &str = "this is the only link between us";
 /// The goodbye of a service that was called by itself.
 const MYSELF: &str = "this is the service itself";
 
+/// How long a service of ours may take for its hello at an address that came with a letter. A
+/// service of another make reads until the end of the stream, and does nothing else meanwhile.
+const PROBE: Duration = Duration::from_secs(2);
+
 /// A connection.
 #[derive(Debug)]
 pub(super) struct Conn {
@@ -31,6 +35,8 @@ pub(super) struct Conn {
     /// Where it was dialled to.
     pub(super) address: Option<Address>,
     purpose: Option<Purpose>,
+    /// Nothing has come over it yet.
+    mute: bool,
     control: bool,
     pub(super) same_host: bool,
     pub(super) partner: Partner,
@@ -38,6 +44,9 @@ pub(super) struct Conn {
     pub(super) outstanding: BTreeSet<u64>,
     /// No new letters go out on it; it closes once it has nothing outstanding.
     pub(super) retired: bool,
+    /// We have said that it is the only link while another one was being greeted, which the partner
+    /// may have already.
+    pub(super) claimed: bool,
     /// The entries of a snapshot of which parts are missing.
     pub(super) snapshot: Option<Vec<Entry>>,
     /// An [`Output::Transmit`] is under way.
@@ -79,21 +88,39 @@ impl Conn {
 
 impl Mts {
     pub(super) fn open_conn(&mut self, now: Now, connected: Connected) {
-        let Connected {
-            conn,
-            dialled,
-            control,
-            same_host,
-        } = connected;
+        let (conn, control, same_host) = (connected.conn, connected.control, connected.same_host);
+        match connected.dialled {
+            Some((dial, _)) if self.post.has_dial(dial) => self.post_connected(now, conn, dial),
+            _ if self.closing => self.outputs.push_back(Output::Close(conn)),
+            Some((dial, address)) => {
+                let purpose = self.dials.remove(&dial);
+                self.open_link(now, conn, Some((purpose, address)), control, same_host);
+            }
+            None if control => self.open_link(now, conn, None, control, same_host),
+            None => self.called(now, connected),
+        }
+    }
+
+    /// Greets whoever is at the other end of a connection that is to be a link.
+    pub(super) fn open_link(
+        &mut self,
+        now: Now,
+        conn: ConnId,
+        dialled: Option<(Option<Purpose>, Address)>,
+        control: bool,
+        same_host: bool,
+    ) {
         let (purpose, address) = match dialled {
-            Some((dial, address)) => (self.dials.remove(&dial), Some(address)),
+            Some((purpose, address)) => (purpose, Some(address)),
             None => (None, None),
         };
-        if self.closing {
-            self.outputs.push_back(Output::Close(conn));
-            return;
+        let mut config = LinkConfig::new(self.hello(now, same_host));
+        if let Some(Purpose::Seed(seed)) = purpose
+            && self.is_given_with_letter(seed)
+        {
+            config.hello_timeout = PROBE;
         }
-        let link = Link::new(LinkConfig::new(self.hello(now, same_host)), now);
+        let link = Link::new(config, now);
         let timer = link.poll_timeout();
         self.timer(timer, Timer::Conn(conn));
         self.conns.insert(
@@ -102,11 +129,13 @@ impl Mts {
                 link,
                 address,
                 purpose,
+                mute: true,
                 control,
                 same_host,
                 partner: Partner::Unknown,
                 outstanding: BTreeSet::new(),
                 retired: false,
+                claimed: false,
                 snapshot: None,
                 announced: false,
                 parted: None,
@@ -118,11 +147,15 @@ impl Mts {
 
     /// Reads whatever frames are whole.
     pub(super) fn read_conn(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut) {
+        if self.callers.contains_key(&conn) && !self.read_caller(now, conn, octets) {
+            return;
+        }
         loop {
             let Some(open) = self.conns.get_mut(&conn) else {
                 octets.clear();
                 return;
             };
+            open.mute &= octets.is_empty();
             match open.link.receive(now, octets) {
                 Ok(None) => break,
                 Ok(Some(event)) => self.on_event(now, conn, event),
@@ -152,7 +185,17 @@ impl Mts {
                     self.on_event(now, conn, event);
                 }
             }
-            Err(error) => self.give_up(now, conn, &error.to_string()),
+            Err(error) => {
+                let probed = match open.purpose {
+                    Some(Purpose::Seed(seed)) if open.mute => Some(seed),
+                    _ => None,
+                };
+                let probed = probed.filter(|seed| self.is_given_with_letter(*seed));
+                if let Some(seed) = probed {
+                    self.seed_is_mute(now, seed);
+                }
+                self.give_up(now, conn, &error.to_string());
+            }
         }
     }
 
@@ -185,6 +228,10 @@ impl Mts {
         let Some(closed) = self.conns.remove(&conn) else {
             return;
         };
+        // Which link stays is settled once one of them has ended.
+        self.conns
+            .values_mut()
+            .for_each(|open| open.claimed = false);
         let reason = closed.parted.unwrap_or(reason);
         match closed.partner {
             Partner::Unknown => {
@@ -341,6 +388,11 @@ impl Mts {
         match reason {
             DUPLICATE if self.is_only_link(conn) => {
                 self.send(now, conn, Frame::Goodbye(Text::from_static(ONLY)));
+                let mut conns = self.conns.values();
+                let greeting = conns.any(|open| matches!(open.partner, Partner::Unknown));
+                if let Some(open) = self.conns.get_mut(&conn) {
+                    open.claimed = greeting;
+                }
             }
             DUPLICATE => self.retire(now, conn),
             ONLY => self.keep_this_link(now, conn),

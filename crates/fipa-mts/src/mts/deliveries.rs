@@ -9,13 +9,14 @@ use fipa_directory::{InstanceId, Now};
 use fipa_link::{Frame, LetterFrame, Outcome, ReceiverOutcome};
 
 use super::connections::Partner;
-use super::routing::Inbound;
+use super::dialects::Foreign;
+use super::routing::{Inbound, Terms};
 use super::seen::SeenLetter;
 use super::{Mts, Timer};
-use crate::machine::{ConnId, Output};
+use crate::machine::{ConnId, Output, REPLY_BY};
 
 /// Who is told what became of a letter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Origin {
     /// Whoever submitted it here.
     Ticket(u64),
@@ -27,6 +28,8 @@ pub(super) enum Origin {
         conn: ConnId,
         id: u64,
     },
+    /// Nobody: it came over a connection of its own, from there, with so many octets.
+    Caller { from: Text, octets: usize },
 }
 
 /// A letter whose outcomes are being collected.
@@ -47,8 +50,12 @@ pub(super) struct Delivery {
     /// The connection it went out on; `None` while it waits.
     sent: Option<ConnId>,
     parts: Vec<Bytes>,
+    /// What is needed where it may go to a service of another make.
+    pub(super) foreign: Option<Box<Foreign>>,
     deadline: Duration,
-    via: Option<Text>,
+    /// After its deadline it is not to be sent any more.
+    expires: bool,
+    pub(super) via: Option<Text>,
 }
 
 /// Where a copy goes.
@@ -57,6 +64,8 @@ pub(super) enum Target {
     Program(ConnId),
     Peer(InstanceId),
     Seed(u64),
+    /// A service of another make.
+    Post,
 }
 
 impl Delivery {
@@ -96,7 +105,7 @@ impl Mts {
                     patterns,
                 };
                 let timeout = Duration::from_millis(frame.ttl_millis.into());
-                self.take_in(now, origin, inbound, timeout);
+                self.take_in(now, origin, inbound, Terms::within(timeout));
             }
             Err(error) => {
                 let reason = Text::from(format!("the envelope cannot be read: {error}"));
@@ -132,6 +141,10 @@ impl Mts {
         name: impl Fn(&R) -> Text,
     ) -> u64 {
         let pending = self.id();
+        if let Origin::Peer { instance, id, .. } = origin {
+            let seen = self.seen.entry(instance).or_default();
+            seen.set(id, SeenLetter::Pending(pending));
+        }
         self.pending.insert(
             pending,
             Pending {
@@ -141,10 +154,6 @@ impl Mts {
                 open: receivers.len(),
             },
         );
-        if let Origin::Peer { instance, id, .. } = origin {
-            let seen = self.seen.entry(instance).or_default();
-            seen.set(id, SeenLetter::Pending(pending));
-        }
         pending
     }
 
@@ -208,26 +217,30 @@ impl Mts {
                 }
                 self.send(now, conn, Frame::Receipt { id, outcomes });
             }
+            Origin::Caller { from, octets } => self.tell_of_caller(from, octets, &outcomes),
         }
     }
 
     pub(super) fn deliver(
         &mut self,
         now: Now,
-        pending: u64,
-        slot: usize,
+        (pending, slot): (u64, usize),
         target: Target,
         parts: Vec<Bytes>,
-        deadline: Duration,
+        foreign: Option<Box<Foreign>>,
+        terms: &Terms,
     ) {
         let id = self.id();
+        let deadline = now.mono + terms.timeout;
         let delivery = Delivery {
             pending,
             slot,
             target,
             sent: None,
             parts,
+            foreign,
             deadline,
+            expires: terms.expires,
             via: None,
         };
         let octets = delivery.octets();
@@ -237,6 +250,7 @@ impl Mts {
             Target::Program(conn) => self.transmit_delivery(now, conn, id),
             Target::Peer(instance) => self.queue_for_peer(now, instance, id, octets),
             Target::Seed(seed) => self.queue_for_seed(now, seed, id),
+            Target::Post => self.post(now, id),
         }
     }
 
@@ -324,10 +338,19 @@ impl Mts {
         };
         self.timers
             .remove(&(delivery.deadline, Timer::Delivery(id)));
+        let octets = delivery.octets();
         let Delivery {
-            pending, slot, via, ..
+            pending,
+            slot,
+            target,
+            foreign,
+            via,
+            ..
         } = delivery;
         self.settle(now, pending, slot, outcome, via, reason);
+        if let (Target::Post, Some(foreign)) = (target, foreign) {
+            self.post_ended(now, id, &foreign, octets);
+        }
     }
 
     /// Makes a copy wait again whose connection ended before the receipt came.
@@ -352,8 +375,15 @@ impl Mts {
                 format!("{name} could not be reached in time: {error}")
             }
             (Target::Seed(seed), _) => self.seed_error(seed),
+            (Target::Post, _) => self.post_lateness(id),
         };
-        self.finish(now, id, Outcome::Timeout, Text::from(reason));
+        let under_way = sent.is_some() || self.is_being_posted(id);
+        if delivery.expires && !under_way {
+            let reason = Text::from(format!("{REPLY_BY}: {reason}"));
+            self.finish(now, id, Outcome::Expired, reason);
+        } else {
+            self.finish(now, id, Outcome::Timeout, Text::from(reason));
+        }
         if let Some(conn) = sent {
             self.receipted(now, conn, id);
         }

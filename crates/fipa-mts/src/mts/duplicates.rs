@@ -55,7 +55,8 @@ impl Mts {
             .is_some_and(|peer| !peer.links.iter().any(|link| *link != conn && in_use(link)))
     }
 
-    /// The partner has no link but this one: the others are dead, and nobody told us.
+    /// The partner has no link but this one: the others are dead, and nobody told us. Not so one
+    /// that we have claimed meanwhile: the partner will give this one up for it.
     pub(super) fn keep_this_link(&mut self, now: Now, conn: ConnId) {
         let Some(open) = self.conns.get_mut(&conn) else {
             return;
@@ -68,7 +69,10 @@ impl Mts {
             Some(peer) => peer.links.clone(),
             None => return,
         };
-        for other in links.into_iter().filter(|link| *link != conn) {
+        let claimed = |link: &ConnId| self.conns.get(link).is_some_and(|open| open.claimed);
+        let others = links.iter().filter(|link| **link != conn && !claimed(link));
+        let others: Vec<ConnId> = others.copied().collect();
+        for other in others {
             self.outputs.push_back(Output::Close(other));
             self.drop_conn(
                 now,

@@ -1,10 +1,14 @@
 //! The message transport service. This module holds its state; its parts each hold one concern.
 
+mod callers;
 mod connections;
 mod deliveries;
+mod dialects;
 mod dialling;
 mod duplicates;
+mod neighbours;
 mod peers;
+mod posting;
 mod programs;
 mod routing;
 mod seeds;
@@ -22,16 +26,20 @@ use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Address, Directory, InstanceId, Now};
 use fipa_link::Outcome;
 
+use self::callers::Caller;
 use self::connections::Conn;
 use self::deliveries::{Delivery, Origin, Pending};
 use self::dialling::Purpose;
+use self::neighbours::Neighbour;
 use self::peers::Peer;
+use self::posting::Post;
 use self::programs::Local;
-use self::routing::Inbound;
+use self::routing::{Inbound, Terms};
 use self::seeds::Seed;
 use self::seen::Seen;
 use crate::machine::{
-    ConnId, Connected, DialId, Machine, Notice, Output, RegisterError, Registration, Submission,
+    ConnId, Connected, DialId, Ended, Machine, Notice, Output, REPLY_BY, RegisterError,
+    Registration, Submission,
 };
 use crate::{Config, Mailbox};
 
@@ -43,10 +51,17 @@ pub struct Mts {
     /// Counts the changes of our own entries.
     version: u64,
     conns: BTreeMap<ConnId, Conn>,
+    /// Connections of which nobody knows yet what they are, and those that bring a letter.
+    callers: BTreeMap<ConnId, Caller>,
+    /// Octets of unfinished letters of all callers.
+    caller_octets: usize,
     peers: BTreeMap<InstanceId, Peer>,
     /// What each peer has sent; kept while one that is gone may still come back and send it again.
     seen: HashMap<InstanceId, Seen>,
     seeds: BTreeMap<u64, Seed>,
+    /// Agents of other makes, by name.
+    neighbours: HashMap<Text, Neighbour>,
+    post: Post,
     dials: HashMap<DialId, Purpose>,
     locals: HashMap<Text, Local>,
     /// Letters taken in whose outcomes are not all known.
@@ -64,6 +79,7 @@ pub struct Mts {
 /// What a timer is for. A timer that fires too early does no harm: its owner looks again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 enum Timer {
+    Caller(ConnId),
     Conn(ConnId),
     Delivery(u64),
     Peer(InstanceId),
@@ -78,9 +94,13 @@ impl Mts {
             directory: Directory::new(),
             version: 0,
             conns: BTreeMap::new(),
+            callers: BTreeMap::new(),
+            caller_octets: 0,
             peers: BTreeMap::new(),
             seen: HashMap::new(),
             seeds: BTreeMap::new(),
+            neighbours: HashMap::new(),
+            post: Post::default(),
             dials: HashMap::new(),
             locals: HashMap::new(),
             pending: HashMap::new(),
@@ -132,6 +152,8 @@ impl Machine for Mts {
     fn dial_failed(&mut self, now: Now, dial: DialId, reason: &str) {
         if let Some(purpose) = self.dials.remove(&dial) {
             self.dial_ended(now, purpose, reason);
+        } else {
+            self.post_dial_failed(now, dial, reason);
         }
     }
 
@@ -140,13 +162,21 @@ impl Machine for Mts {
         self.publish_changes(now);
     }
 
-    fn closed(&mut self, now: Now, conn: ConnId, reason: &str) {
-        self.drop_conn(now, conn, reason);
+    fn closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>) {
+        if self.post.has_conn(conn) {
+            self.post_closed(now, conn, ended);
+        } else {
+            self.caller_ended(now, conn, ended);
+            self.drop_conn(now, conn, ended.reason);
+        }
         self.publish_changes(now);
     }
 
     fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes> {
-        self.conns.get_mut(&conn)?.poll_transmit()
+        match self.conns.get_mut(&conn) {
+            Some(open) => open.poll_transmit(),
+            None => self.post.poll_transmit(conn),
+        }
     }
 
     fn poll_timeout(&self) -> Option<Duration> {
@@ -160,6 +190,7 @@ impl Machine for Mts {
             }
             self.timers.pop_first();
             match timer {
+                Timer::Caller(conn) => self.caller_timeout(now, conn),
                 Timer::Conn(conn) => self.conn_timeout(now, conn),
                 Timer::Delivery(id) => self.delivery_timeout(now, id),
                 Timer::Peer(instance) => self.peer_timeout(now, instance),
@@ -188,12 +219,20 @@ impl Machine for Mts {
     }
 
     fn submit(&mut self, now: Now, submission: Submission) {
+        let until = submission.until_reply_by(now);
         let Submission {
             ticket,
             letter: Letter { envelope, payload },
             timeout,
+            transports,
+            ..
         } = submission;
         let origin = Origin::Ticket(ticket);
+        if until == Some(Duration::ZERO) {
+            let reason = Text::from_static(REPLY_BY);
+            self.answer_whole(now, origin, Outcome::Expired, reason);
+            return;
+        }
         let mut head = Encoded::new();
         if let Err(error) = bit_efficient::encode_envelope(&envelope, &mut head) {
             let reason = Text::from(error.to_string());
@@ -208,7 +247,12 @@ impl Machine for Mts {
             via: None,
             patterns: true,
         };
-        self.take_in(now, origin, inbound, timeout);
+        let terms = Terms {
+            timeout: until.unwrap_or(timeout).min(timeout),
+            expires: until.is_some_and(|left| left <= timeout),
+            transports,
+        };
+        self.take_in(now, origin, inbound, terms);
         self.publish_changes(now);
     }
 
@@ -233,6 +277,10 @@ impl Machine for Mts {
         for conn in conns {
             self.part(now, conn, connections::SHUTDOWN);
         }
+        let callers = std::mem::take(&mut self.callers);
+        self.outputs.extend(callers.into_keys().map(Output::Close));
+        self.caller_octets = 0;
+        self.end_post();
     }
 }
 

@@ -17,7 +17,7 @@ use super::connections::{ONLY, Partner};
 use super::deliveries::{Delivery, Target};
 use super::dialling::{Dialling, Purpose};
 use super::{Mts, Timer};
-use crate::machine::{ConnId, Notice, Output};
+use crate::machine::{Announced, ConnId, Notice, Output};
 
 /// Letters that wait for one peer at most.
 const MAX_WAITING: usize = 10_000;
@@ -329,7 +329,8 @@ impl Mts {
         self.fail_deliveries(now, instance, &format!("{name} is gone: {reason}"));
         self.notice(Notice::PeerGone { name, reason });
         if discovered {
-            self.outputs.push_back(Output::Verify(instance));
+            let platform = Announced::Platform(instance);
+            self.outputs.push_back(Output::Verify(platform));
         } else {
             self.forget_peer(now, instance);
         }

@@ -11,6 +11,9 @@ use fipa_link::Outcome;
 
 use super::Mts;
 use super::deliveries::{Origin, Target};
+use super::dialects::Foreign;
+use super::neighbours::owner_of;
+use super::posting::preference;
 use super::programs::Local;
 use crate::machine::{ConnId, Output};
 
@@ -34,6 +37,28 @@ pub(super) struct Inbound {
     pub(super) patterns: bool,
 }
 
+/// What its sender wants done with a letter.
+#[derive(Debug)]
+pub(super) struct Terms {
+    /// How long the outcome is waited for.
+    pub(super) timeout: Duration,
+    /// After that the letter is not to be sent any more: its reply-by has passed.
+    pub(super) expires: bool,
+    /// The transports that are preferred.
+    pub(super) transports: Vec<Text>,
+}
+
+impl Terms {
+    /// Nothing but how long the outcome is waited for.
+    pub(super) fn within(timeout: Duration) -> Terms {
+        Terms {
+            timeout,
+            expires: false,
+            transports: Vec::new(),
+        }
+    }
+}
+
 /// A receiver, and what is to be done for it.
 struct Resolved {
     to: AgentId,
@@ -44,6 +69,7 @@ enum Route {
     Mailbox,
     Program(ConnId),
     Peer(InstanceId),
+    Neighbour,
     Addresses(Vec<Address>),
     Nowhere(Outcome, Text),
 }
@@ -51,13 +77,7 @@ enum Route {
 impl Mts {
     /// Takes in a letter and starts a delivery to each agent that it is for. `origin` learns the
     /// outcomes once all are known.
-    pub(super) fn take_in(
-        &mut self,
-        now: Now,
-        origin: Origin,
-        inbound: Inbound,
-        timeout: Duration,
-    ) {
+    pub(super) fn take_in(&mut self, now: Now, origin: Origin, inbound: Inbound, mut terms: Terms) {
         if let Some(reason) = self.travels_in_circles(&inbound.envelope) {
             self.answer_whole(now, origin, Outcome::Refused, reason);
             return;
@@ -71,10 +91,11 @@ impl Mts {
             self.answer_whole(now, origin, Outcome::Unknown, reason);
             return;
         }
-        let deadline = now.mono + timeout.min(self.config.longest_wait);
+        terms.expires &= terms.timeout <= self.config.longest_wait;
+        terms.timeout = terms.timeout.min(self.config.longest_wait);
         let pending = self.open_pending(origin, &resolved, |resolved| resolved.to.name.clone());
         for (slot, resolved) in resolved.into_iter().enumerate() {
-            self.start(now, pending, slot, &inbound, resolved, deadline);
+            self.start(now, (pending, slot), &inbound, resolved, &terms);
         }
     }
 
@@ -113,8 +134,8 @@ impl Mts {
         resolved
     }
 
-    /// Exact name first; then the addresses that the receiver brings along; then the name as an
-    /// anchored pattern, which never matches the sender.
+    /// Exact name first; then the addresses that the receiver brings along; then the name as mDNS
+    /// announces it; then as an anchored pattern, which never matches the sender.
     fn resolve(
         &self,
         receiver: &AgentId,
@@ -141,6 +162,11 @@ impl Mts {
             let here = &self.config.name;
             return nowhere(format!("no agent of this name is known at {here}"));
         }
+        if let Some(name) = self.announced_as(&receiver.name)
+            && let Some(route) = self.route_to(&name)
+        {
+            return vec![(AgentId::new(name), route)];
+        }
         let pattern = match Pattern::new(&receiver.name) {
             Ok(pattern) => pattern,
             Err(error) => {
@@ -163,6 +189,19 @@ impl Mts {
             .collect()
     }
 
+    /// The agent that services of another make know by this name: mDNS has `?` for each `.`.
+    fn announced_as(&self, name: &str) -> Option<Text> {
+        if !name.contains('?') {
+            return None;
+        }
+        let same = |known: &str| {
+            let mut octets = known.bytes().zip(name.bytes());
+            known.len() == name.len() && octets.all(|(k, n)| k == n || k == b'.' && n == b'?')
+        };
+        let mut names = self.directory.iter().map(|record| &record.entry.name);
+        names.find(|known| same(known)).cloned()
+    }
+
     fn route_to(&self, name: &Text) -> Option<Route> {
         match self.locals.get(name) {
             Some(Local::Mailbox(_)) => return Some(Route::Mailbox),
@@ -170,20 +209,26 @@ impl Mts {
             None => {}
         }
         let record = self.directory.find(name)?;
-        (record.source != Source::Local).then_some(Route::Peer(record.owner))
+        if record.source == Source::Local {
+            return None;
+        }
+        if record.owner != owner_of(name) {
+            return Some(Route::Peer(record.owner));
+        }
+        let peer = self.peer_at(&record.entry);
+        Some(peer.map_or(Route::Neighbour, Route::Peer))
     }
 
     fn start(
         &mut self,
         now: Now,
-        pending: u64,
-        slot: usize,
+        (pending, slot): (u64, usize),
         inbound: &Inbound,
         Resolved { to, route }: Resolved,
-        deadline: Duration,
+        terms: &Terms,
     ) {
         let name = to.name.clone();
-        let target = match route {
+        let (target, addresses) = match route {
             Route::Nowhere(outcome, reason) => {
                 self.settle(now, pending, slot, outcome, None, reason);
                 return;
@@ -193,11 +238,16 @@ impl Mts {
                 self.put_into_mailbox(now, pending, slot, inbound, overlay, &name);
                 return;
             }
-            Route::Program(conn) => Target::Program(conn),
-            Route::Peer(instance) => Target::Peer(instance),
-            Route::Addresses(addresses) => Target::Seed(self.seed_for(now, addresses)),
+            Route::Program(conn) => (Target::Program(conn), None),
+            Route::Peer(instance) => (Target::Peer(instance), None),
+            Route::Neighbour => (Target::Post, Some(Vec::new())),
+            Route::Addresses(mut addresses) => {
+                addresses.sort_by_key(|at| preference(&at.to_text(), &terms.transports));
+                let seed = self.seed_for(now, addresses.clone());
+                (Target::Seed(seed), Some(addresses))
+            }
         };
-        let overlay = self.overlay(now, inbound, to);
+        let overlay = self.overlay(now, inbound, to.clone());
         let mut head = Encoded::new();
         if let Err(error) = bit_efficient::encode_overlay(&overlay, &mut head) {
             let reason = Text::from(error.to_string());
@@ -207,7 +257,21 @@ impl Mts {
         let mut parts = Vec::with_capacity(1 + inbound.parts.len());
         parts.push(head.take_bytes());
         parts.extend(inbound.parts.iter().cloned());
-        self.deliver(now, pending, slot, target, parts, deadline);
+        let foreign = addresses.map(|addresses| {
+            Box::new(Foreign {
+                // fipa_services delivers to nobody whom no layer names.
+                overlay: Slots {
+                    intended_receiver: vec![to.clone()],
+                    ..overlay
+                },
+                to,
+                parts: inbound.parts.clone(),
+                payload: inbound.payload.clone(),
+                addresses,
+                transports: terms.transports.clone(),
+            })
+        });
+        self.deliver(now, (pending, slot), target, parts, foreign, terms);
     }
 
     fn put_into_mailbox(

@@ -1,13 +1,15 @@
 //! Addresses that are dialled until somebody is met there: those of the operator, for ever, and
 //! those that a letter's receiver brings along, while letters wait.
 
+use std::time::Duration;
+
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now};
 use fipa_link::Outcome;
 
-use super::Mts;
 use super::deliveries::Target;
 use super::dialling::{Dialling, Purpose};
+use super::{Mts, Timer};
 
 /// An address to dial until we know who is there.
 #[derive(Debug)]
@@ -22,7 +24,13 @@ pub(super) struct Seed {
     pub(super) dialling: Dialling,
     pub(super) last_error: String,
     waiting: Vec<u64>,
+    /// Until when letters go there as a service of another make takes them: it was reached, and
+    /// did not greet.
+    mute_until: Option<Duration>,
 }
+
+/// How long an address is remembered where nobody greeted; then it is tried again as a link.
+const MUTE: Duration = Duration::from_secs(600);
 
 impl Mts {
     /// Adds the address of a peer that is dialled for ever, whoever answers there.
@@ -43,6 +51,7 @@ impl Mts {
                 dialling: Dialling::default(),
                 last_error: "it has not been reached yet".to_owned(),
                 waiting: Vec::new(),
+                mute_until: None,
             },
         );
         id
@@ -65,6 +74,10 @@ impl Mts {
         let Some(seed) = self.seeds.get_mut(&id) else {
             return;
         };
+        if seed.mute_until.is_some() {
+            self.post_instead(now, delivery);
+            return;
+        }
         match seed.instance {
             Some(instance) => self.retarget(now, delivery, instance),
             None if seed.myself => self.nobody_here(now, delivery),
@@ -89,7 +102,12 @@ impl Mts {
         let Some(seed) = self.seeds.get_mut(&id) else {
             return;
         };
-        if seed.dialling.under_way || seed.myself || seed.instance.is_some() || self.closing {
+        if seed.mute_until.is_some()
+            || seed.dialling.under_way
+            || seed.myself
+            || seed.instance.is_some()
+            || self.closing
+        {
             return;
         }
         seed.dialling.under_way = true;
@@ -104,12 +122,43 @@ impl Mts {
         };
         seed.waiting
             .retain(|delivery| self.deliveries.contains_key(delivery));
+        if seed.mute_until.is_some_and(|until| now.mono < until) {
+            return;
+        }
         if !seed.kept && seed.waiting.is_empty() && seed.instance.is_none() {
             self.seeds.remove(&id);
             return;
         }
         if seed.dialling.again.is_some_and(|at| now.mono >= at) {
             self.dial_seed(now, id);
+        }
+    }
+
+    /// Whether the seed is there for letters only, whoever listens there.
+    pub(super) fn is_given_with_letter(&self, id: u64) -> bool {
+        self.seeds.get(&id).is_some_and(|seed| !seed.kept)
+    }
+
+    /// Somebody took the connection and did not greet: letters go there as to a service of another
+    /// make, the next ones at once.
+    pub(super) fn seed_is_mute(&mut self, now: Now, id: u64) {
+        let Some(seed) = self.seeds.get_mut(&id) else {
+            return;
+        };
+        let until = now.mono + MUTE;
+        seed.dialling = Dialling::default();
+        seed.mute_until = Some(until);
+        let waiting = std::mem::take(&mut seed.waiting);
+        self.timer(until, Timer::Seed(id));
+        for delivery in waiting {
+            self.post_instead(now, delivery);
+        }
+    }
+
+    fn post_instead(&mut self, now: Now, id: u64) {
+        if let Some(delivery) = self.deliveries.get_mut(&id) {
+            delivery.target = Target::Post;
+            self.post(now, id);
         }
     }
 

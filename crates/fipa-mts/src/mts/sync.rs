@@ -32,6 +32,9 @@ impl Mts {
     pub(super) fn publish_changes(&mut self, now: Now) {
         while let Some(change) = self.directory.poll_change() {
             self.publish(now, &change);
+            if change.kind == ChangeKind::Removed {
+                self.show_neighbour(now, &change.record.entry.name);
+            }
             self.outputs.push_back(Output::Directory(change));
         }
     }
@@ -122,6 +125,9 @@ impl Mts {
             // Over two links the older snapshot may come last.
             if peer.version.is_none_or(|known| frame.version >= known) {
                 peer.version = Some(frame.version);
+                for entry in &entries {
+                    self.make_way_for(entry);
+                }
                 self.directory.replace(now, instance, source, entries);
             }
         } else if peer.version.is_some_and(|known| frame.version > known) {
@@ -129,6 +135,7 @@ impl Mts {
             for item in frame.items {
                 match item {
                     DirectoryItem::Put { owner, entry, .. } if owner == instance => {
+                        self.make_way_for(&entry);
                         self.directory.put(now, instance, source, entry);
                     }
                     DirectoryItem::Remove { owner, name } if owner == instance => {

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_acl::Text;
-use fipa_directory::{ChangeKind, InstanceId, Now};
+use fipa_directory::{ChangeKind, Entry, InstanceId, Location, Now};
 use fipa_link::{Event, Frame, Hello, LetterFrame, Link, LinkConfig, Outcome, Role};
-use fipa_mts::{Config, ConnId, Connected, Machine, Mts, Output};
+use fipa_mts::{Config, ConnId, Connected, Machine, Mts, Notice, Output};
 use fipa_sim::{NodeId, Sim};
 
 pub(crate) const fn secs(seconds: u64) -> Duration {
@@ -106,6 +106,7 @@ impl Raw {
             dialled: None,
             control: role == Role::Program,
             same_host: true,
+            remote: Text::from("tcp://partner:1"),
         };
         raw.mts.connected(now, connected);
         raw.exchange();
@@ -164,5 +165,30 @@ impl Raw {
                 return;
             }
         }
+    }
+}
+
+/// The letters that `fipa_services` and the bridge to JADE were recorded to write.
+pub(crate) fn recorded(name: &str) -> Bytes {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/vectors/");
+    Bytes::from(std::fs::read(format!("{folder}{name}")).unwrap())
+}
+
+/// The notices of letters that a node has lost, as text.
+pub(crate) fn lost(sim: &Sim, node: NodeId) -> Vec<String> {
+    let notices = sim.collected(node).notices.iter();
+    let lost = notices.filter(|(_, notice)| matches!(notice, Notice::LetterLost { .. }));
+    lost.map(|(_, notice)| notice.to_string()).collect()
+}
+
+/// An agent of a robot, with its locations: addresses and what is spoken there.
+pub(crate) fn entry(name: &str, locations: &[(&str, &str)]) -> Entry {
+    let location = |(address, signature): &(&str, &str)| Location {
+        address: Text::from(*address),
+        signature: Text::from(*signature),
+    };
+    Entry {
+        locations: locations.iter().map(location).collect(),
+        ..Entry::new(name)
     }
 }

@@ -1,0 +1,271 @@
+//! Connections that others opened, until their first octets tell the kind: our link, or a letter
+//! that ends with the stream, as `fipa_services` and the bridge to JADE write it.
+//!
+//! Nothing is written to a caller before it is known to speak our link: who writes a letter and
+//! closes without reading would make its close a reset, which may destroy the letter.
+
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use fipa_acl::{FipaTime, Representation, Text};
+use fipa_codec::{
+    EnvelopeRepresentation, Form, Limits, Output as Encoded, bit_efficient, decode_envelope,
+    detect, payload_representation,
+};
+use fipa_directory::Now;
+use fipa_link::{Outcome, PREAMBLE, ReceiverOutcome};
+
+use super::deliveries::Origin;
+use super::routing::{Inbound, Terms};
+use super::{Mts, Timer};
+use crate::machine::{ConnId, Connected, Ended, Notice, Output};
+
+/// Callers whose kind is not known or whose letter is not whole, at most; beyond that the one that
+/// has written nothing for longest is given up.
+const MAX_CALLERS: usize = 1000;
+
+/// How long a caller may take for its first octet.
+const FIRST_OCTET: Duration = Duration::from_secs(5);
+
+/// How long the rest of a letter may make no progress.
+const PROGRESS: Duration = Duration::from_secs(30);
+
+/// How long the outcome of a letter is waited for whose sender waits for none.
+const TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Blanks within which a letter in XML must begin.
+const MAX_BLANKS: usize = 64;
+
+/// Somebody who opened a connection.
+#[derive(Debug)]
+pub(super) struct Caller {
+    remote: Text,
+    same_host: bool,
+    /// What has come of its letter.
+    octets: BytesMut,
+    /// It begins like a letter.
+    is_letter: bool,
+    /// When it wrote last, or came.
+    heard: Duration,
+}
+
+impl Caller {
+    fn deadline(&self) -> Duration {
+        match self.octets.is_empty() {
+            true => self.heard + FIRST_OCTET,
+            false => self.heard + PROGRESS,
+        }
+    }
+}
+
+impl Mts {
+    pub(super) fn called(&mut self, now: Now, connected: Connected) {
+        if self.callers.len() >= MAX_CALLERS
+            && let Some(quietest) = self.quietest_caller()
+        {
+            self.give_caller_up(quietest, "too many connections wait for their first octets");
+        }
+        let caller = Caller {
+            remote: connected.remote,
+            same_host: connected.same_host,
+            octets: BytesMut::new(),
+            is_letter: false,
+            heard: now.mono,
+        };
+        self.timer(caller.deadline(), Timer::Caller(connected.conn));
+        self.callers.insert(connected.conn, caller);
+    }
+
+    /// Whether the connection is a link, to which these octets belong.
+    pub(super) fn read_caller(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut) -> bool {
+        let Some(caller) = self.callers.get_mut(&conn) else {
+            return true;
+        };
+        if caller.octets.is_empty() && octets.first() == Some(&PREAMBLE[0]) {
+            let same_host = caller.same_host;
+            self.callers.remove(&conn);
+            self.open_link(now, conn, None, false, same_host);
+            return true;
+        }
+        if octets.is_empty() {
+            return false;
+        }
+        caller.heard = now.mono;
+        self.caller_octets += octets.len();
+        match caller.octets.is_empty() {
+            true => caller.octets = octets.split(),
+            false => caller.octets.unsplit(octets.split()),
+        }
+        if let Some(reason) = self.objection(conn) {
+            self.give_caller_up(conn, &reason);
+        }
+        while self.caller_octets > self.config.queue_octets.max(self.config.max_letter)
+            && let Some(quietest) = self.quietest_caller()
+        {
+            self.give_caller_up(quietest, "too much waits for the rest of its letter");
+        }
+        false
+    }
+
+    /// Why what has come cannot become a letter that is taken in.
+    fn objection(&mut self, conn: ConnId) -> Option<String> {
+        let caller = self.callers.get_mut(&conn)?;
+        let (octets, max) = (&caller.octets, self.config.max_letter);
+        if octets.len() > max {
+            return Some(format!("it is larger than the {max} octets that are taken"));
+        }
+        if !caller.is_letter {
+            caller.is_letter = matches!(detect(octets), Form::BitEfficientEnvelope | Form::Xml);
+        }
+        if caller.is_letter || may_begin_xml(octets) {
+            return None;
+        }
+        let first = octets.first().copied().unwrap_or_default();
+        Some(format!(
+            "neither a link nor a letter begins with the octet {first:#04x}"
+        ))
+    }
+
+    fn quietest_caller(&self) -> Option<ConnId> {
+        let callers = self.callers.iter();
+        let quietest = callers.min_by_key(|(conn, caller)| (caller.heard, **conn));
+        quietest.map(|(conn, _)| *conn)
+    }
+
+    pub(super) fn caller_timeout(&mut self, now: Now, conn: ConnId) {
+        let Some(caller) = self.callers.get(&conn) else {
+            return;
+        };
+        let deadline = caller.deadline();
+        if deadline > now.mono {
+            self.timer(deadline, Timer::Caller(conn));
+        } else if caller.octets.is_empty() {
+            self.give_caller_up(
+                conn,
+                "the other side opened the connection and said nothing",
+            );
+        } else {
+            let seconds = PROGRESS.as_secs();
+            self.give_caller_up(conn, &format!("its rest did not come within {seconds} s"));
+        }
+    }
+
+    fn give_caller_up(&mut self, conn: ConnId, reason: &str) {
+        self.outputs.push_back(Output::Close(conn));
+        if let Some(caller) = self.forget_caller(conn) {
+            self.caller_notice(caller.remote, caller.octets.len(), reason);
+        }
+    }
+
+    pub(super) fn forget_caller(&mut self, conn: ConnId) -> Option<Caller> {
+        let caller = self.callers.remove(&conn)?;
+        self.caller_octets -= caller.octets.len();
+        Some(caller)
+    }
+
+    fn caller_notice(&mut self, from: Text, octets: usize, reason: &str) {
+        let reason = Text::from(reason);
+        self.notice(match octets {
+            0 => Notice::LinkFailed { with: from, reason },
+            octets => Notice::LetterLost {
+                from,
+                octets,
+                reason,
+            },
+        });
+    }
+
+    /// The end of the stream ends the letter. Who said nothing at all has lost nothing.
+    pub(super) fn caller_ended(&mut self, now: Now, conn: ConnId, ended: Ended<'_>) {
+        let Some(caller) = self.forget_caller(conn) else {
+            return;
+        };
+        let (from, octets) = (caller.remote, caller.octets.freeze());
+        if octets.is_empty() {
+            return;
+        }
+        let size = octets.len();
+        if !ended.orderly {
+            let reason = format!("the connection broke before its end: {}", ended.reason);
+            self.caller_notice(from, size, &reason);
+            return;
+        }
+        match read_letter(now, octets, &self.config.limits) {
+            Ok(inbound) => {
+                let origin = Origin::Caller { from, octets: size };
+                self.take_in(now, origin, inbound, Terms::within(TIMEOUT));
+            }
+            Err(reason) => self.caller_notice(from, size, &reason),
+        }
+    }
+
+    /// What became of a caller's letter; nobody waits for that, but somebody may look for it.
+    pub(super) fn tell_of_caller(
+        &mut self,
+        from: Text,
+        octets: usize,
+        outcomes: &[ReceiverOutcome],
+    ) {
+        let failed = |told: &&ReceiverOutcome| !told.outcome.is_success();
+        for told in outcomes.iter().filter(failed) {
+            let ReceiverOutcome {
+                to,
+                outcome,
+                reason,
+                ..
+            } = told;
+            let why = match (to.is_empty(), outcome) {
+                (true, _) => reason.to_string(),
+                (false, Outcome::Unknown) => format!("for {to}: {reason}"),
+                (false, outcome) => format!("for {to}, {outcome}: {reason}"),
+            };
+            self.caller_notice(from.clone(), octets, &why);
+        }
+    }
+}
+
+/// Whether a letter in XML may still follow what has come.
+fn may_begin_xml(octets: &[u8]) -> bool {
+    const MARKS: [&[u8]; 2] = [b"\xef\xbb\xbf", b"\xff\xfe<\0"];
+    let marked = MARKS.iter().any(|mark| mark.starts_with(octets));
+    let text = octets.strip_prefix(MARKS[0]).unwrap_or(octets);
+    marked || octets.len() <= MAX_BLANKS && text.trim_ascii().is_empty()
+}
+
+/// Reads a letter that fills its connection.
+fn read_letter(now: Now, octets: Bytes, limits: &Limits) -> Result<Inbound, String> {
+    let unreadable = |error: &dyn std::fmt::Display| format!("it cannot be read: {error}");
+    let (mut envelope, at) = decode_envelope(&octets, limits).map_err(|e| unreadable(&e))?;
+    let payload = octets.slice(at..);
+    let come = payload.len() as u64;
+    if let Some(announced) = envelope.payload_length()
+        && announced > come
+    {
+        return Err(format!(
+            "it ends after {come} of the {announced} octets of its payload"
+        ));
+    }
+    let in_bits = EnvelopeRepresentation::detect(&octets);
+    let parts = if in_bits == Some(EnvelopeRepresentation::BitEfficient) {
+        vec![octets]
+    } else {
+        // Our links carry bit-efficient envelopes, which need what XML may leave out.
+        if envelope.base.acl_representation.is_none() {
+            let seen = payload_representation(&envelope, &payload);
+            envelope.base.acl_representation = seen.or(Some(Representation::String));
+        }
+        let date = FipaTime::from_unix_millis(now.unix_millis);
+        envelope.base.date.get_or_insert(date);
+        let mut head = Encoded::new();
+        bit_efficient::encode_envelope(&envelope, &mut head).map_err(|e| unreadable(&e))?;
+        vec![head.take_bytes(), payload.clone()]
+    };
+    Ok(Inbound {
+        parts,
+        envelope,
+        payload,
+        from: None,
+        via: Some("tcp"),
+        patterns: true,
+    })
+}

@@ -1,0 +1,106 @@
+//! A letter as services of other makes need it.
+
+use bytes::Bytes;
+use fipa_acl::{AgentId, Envelope, Representation, Slots, Text};
+use fipa_codec::{
+    Dialect, EnvelopeRepresentation, Limits, Output as Encoded, bit_efficient, decode_envelope,
+    decode_payload, encode_envelope, encode_message, payload_encoding, payload_representation,
+};
+use fipa_directory::{Address, MESSAGE_TRANSPORT};
+
+/// The signature type of the bridge to JADE.
+const JADE_BRIDGE: &str = "JadeProxyAgent";
+
+/// A copy of a letter that may leave for a service of another make.
+#[derive(Debug)]
+pub(super) struct Foreign {
+    /// The receiver.
+    pub(super) to: AgentId,
+    /// Our stamp and the receiver.
+    pub(super) overlay: Slots,
+    /// The letter as it came: a bit-efficient envelope, within the first part, and its payload.
+    pub(super) parts: Vec<Bytes>,
+    pub(super) payload: Bytes,
+    /// Where it goes; empty: where the receiver is announced.
+    pub(super) addresses: Vec<Address>,
+    /// The transports that the sender prefers.
+    pub(super) transports: Vec<Text>,
+}
+
+/// How letters are written to a location of this signature type, if they are.
+pub(super) fn of_signature(signature: &str) -> Option<Dialect> {
+    match signature {
+        MESSAGE_TRANSPORT => Some(Dialect::Cpp),
+        JADE_BRIDGE => Some(Dialect::JadeBridge),
+        _ => None,
+    }
+}
+
+/// The letter in a dialect, or why it cannot be written so. `endpoints` is where answers go.
+pub(super) fn write(
+    foreign: &Foreign,
+    dialect: Dialect,
+    endpoints: Vec<Text>,
+    limits: &Limits,
+) -> Result<Vec<Bytes>, String> {
+    let head = foreign.parts.first().cloned().unwrap_or_default();
+    let (mut envelope, _) = decode_envelope(&head, limits).map_err(|e| e.to_string())?;
+    match dialect {
+        Dialect::JadeBridge => for_bridge(foreign, envelope, endpoints, limits),
+        dialect if has_user_defined(&envelope) => {
+            // Passed on as they are, they would make the peer reject the letter.
+            envelope.overlays.push(foreign.overlay.clone());
+            let (mut head, payload) = (Encoded::new(), &foreign.payload);
+            bit_efficient::encode_envelope_as(dialect, &envelope, payload.len(), &mut head)
+                .map_err(|e| e.to_string())?;
+            Ok(vec![head.take_bytes(), payload.clone()])
+        }
+        dialect => {
+            bit_efficient::insert_overlay_as(dialect, &foreign.parts, &foreign.overlay, limits)
+                .map_err(|e| e.to_string())
+        }
+    }
+}
+
+fn has_user_defined(envelope: &Envelope) -> bool {
+    let mut layers = envelope.layers();
+    let mut stamps = envelope.stamps();
+    layers.any(|slots| !slots.user_defined.is_empty())
+        || stamps.any(|stamp| !stamp.user_defined.is_empty())
+}
+
+/// An envelope in XML around a message in string form, with the addresses at which the sender is
+/// answered: the bridge reads nothing else.
+fn for_bridge(
+    foreign: &Foreign,
+    mut envelope: Envelope,
+    endpoints: Vec<Text>,
+    limits: &Limits,
+) -> Result<Vec<Bytes>, String> {
+    let mut overlay = foreign.overlay.clone();
+    let mut payload = foreign.payload.clone();
+    if payload_representation(&envelope, &payload) != Some(Representation::String) {
+        payload = in_string_form(&envelope, &payload, limits)
+            .map_err(|error| format!("the message cannot be put into string form: {error}"))?;
+        let given = envelope.payload_encoding();
+        overlay.payload_encoding = payload_encoding(&Representation::String, &payload, given);
+    }
+    overlay.acl_representation = Some(Representation::String);
+    overlay.payload_length = Some(payload.len() as u64);
+    overlay.from = envelope.from().map(|sender| AgentId {
+        addresses: endpoints,
+        ..AgentId::new(sender.name.clone())
+    });
+    envelope.overlays.push(overlay);
+    let mut head = Encoded::new();
+    encode_envelope(EnvelopeRepresentation::Xml, &envelope, &mut head)
+        .map_err(|error| error.to_string())?;
+    Ok(vec![head.take_bytes(), payload])
+}
+
+fn in_string_form(envelope: &Envelope, payload: &Bytes, limits: &Limits) -> Result<Bytes, String> {
+    let message = decode_payload(envelope, payload, limits).map_err(|e| e.to_string())?;
+    let mut text = Encoded::new();
+    encode_message(&Representation::String, &message, &mut text).map_err(|e| e.to_string())?;
+    Ok(text.take_bytes())
+}

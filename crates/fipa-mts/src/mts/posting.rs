@@ -1,0 +1,475 @@
+//! Letters to services of other makes: each on a connection of its own, whose end ends the letter.
+//!
+//! ```text
+//!   by receiver, in order        a place in the receiver's order, twice         the next place
+//!   letter, letter, letter ──▶ wait for a free connection ─▶ dial ─▶ write ──┬─▶ sent
+//!                                     ▲                                      │ broke before all
+//!                                     └──────────────────────────────────────┘ was written
+//! ```
+//!
+//! The letters for one receiver are written one after the other; in which order the other side
+//! reads connections is its own affair.
+//!
+//! Nobody over there says what became of a letter: `sent` is all that can be known. A letter goes
+//! out whole at most once. It is tried again only while the system has not taken all of it: then
+//! the other side has not seen its end. A connection that is given up in the middle of a letter is
+//! broken off, so that its end is not taken for that of the letter.
+
+use std::collections::{HashMap, VecDeque};
+
+use bytes::Bytes;
+use fipa_acl::Text;
+use fipa_codec::Dialect;
+use fipa_directory::{Address, Location, MESSAGE_TRANSPORT, Now};
+use fipa_link::Outcome;
+
+use super::Mts;
+use super::dialects::{self, Foreign};
+use crate::machine::{ConnId, DialId, Ended, Output};
+
+/// Connections to all services of other makes at once. A stalled one keeps its connections until
+/// the deadlines of the letters, so it takes very many of them to keep others waiting.
+const MAX_CONNECTIONS: usize = 256;
+
+/// Connections to one address at once.
+const MAX_AN_ADDRESS: usize = 4;
+
+/// Letters that wait for one receiver at most.
+const MAX_WAITING: usize = 10_000;
+
+/// How often a place is tried: the second time with a new connection.
+const TRIES: u32 = 2;
+
+/// What is on its way to services of other makes.
+#[derive(Debug, Default)]
+pub(super) struct Post {
+    /// The letters for each receiver; the first one is being tried.
+    boxes: HashMap<Text, Letterbox>,
+    attempts: HashMap<u64, Attempt>,
+    /// Attempts that wait for a free connection.
+    queue: VecDeque<u64>,
+    dials: HashMap<DialId, Trip>,
+    conns: HashMap<ConnId, Trip>,
+    /// Dials and connections to each address.
+    busy: HashMap<Address, usize>,
+    /// Receivers whose first letter is to be tried.
+    due: VecDeque<Text>,
+    running: bool,
+}
+
+#[derive(Debug, Default)]
+struct Letterbox {
+    waiting: VecDeque<u64>,
+    octets: usize,
+}
+
+/// How far a letter has got.
+#[derive(Debug, Default)]
+struct Attempt {
+    /// Where it has not been tried yet; the first one is being tried.
+    places: VecDeque<(Address, Dialect)>,
+    tries: u32,
+    /// Whether there is, or was, a place that could be tried.
+    possible: bool,
+    /// Why it is not somewhere else already.
+    failures: Vec<String>,
+    /// What it is being written to.
+    conn: Option<ConnId>,
+}
+
+/// A letter on its way to an address.
+#[derive(Debug)]
+struct Trip {
+    delivery: u64,
+    address: Address,
+    parts: VecDeque<Bytes>,
+}
+
+impl Post {
+    pub(super) fn has_dial(&self, dial: DialId) -> bool {
+        self.dials.contains_key(&dial)
+    }
+
+    pub(super) fn has_conn(&self, conn: ConnId) -> bool {
+        self.conns.contains_key(&conn)
+    }
+
+    pub(super) fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes> {
+        self.conns.get_mut(&conn)?.parts.pop_front()
+    }
+
+    /// The first letter that a connection is free for, and where it goes.
+    fn next_to_dial(&mut self) -> Option<(u64, Address, Dialect)> {
+        let place = |id: &u64| self.attempts.get(id)?.places.front();
+        let is_free = |(address, _): &(Address, Dialect)| {
+            let busy = self.busy.get(address).copied().unwrap_or_default();
+            busy < MAX_AN_ADDRESS && self.dials.len() + self.conns.len() < MAX_CONNECTIONS
+        };
+        let mut queue = self.queue.iter();
+        let at = queue.position(|id| place(id).is_some_and(is_free))?;
+        let id = self.queue.remove(at)?;
+        let attempt = self.attempts.get_mut(&id)?;
+        let (address, dialect) = attempt.places.front().cloned()?;
+        Some((id, address, dialect))
+    }
+
+    fn set_out(&mut self, dial: DialId, trip: Trip) {
+        *self.busy.entry(trip.address.clone()).or_default() += 1;
+        if let Some(attempt) = self.attempts.get_mut(&trip.delivery) {
+            attempt.possible = true;
+        }
+        self.dials.insert(dial, trip);
+    }
+
+    /// A connection to this address is over.
+    fn release(&mut self, address: &Address) {
+        if let Some(busy) = self.busy.get_mut(address) {
+            *busy -= 1;
+            if *busy == 0 {
+                self.busy.remove(address);
+            }
+        }
+    }
+}
+
+impl Mts {
+    /// Puts a copy behind those that wait for the same receiver.
+    pub(super) fn post(&mut self, now: Now, id: u64) {
+        let Some(delivery) = self.deliveries.get(&id) else {
+            return;
+        };
+        let Some(foreign) = &delivery.foreign else {
+            return;
+        };
+        let (name, octets) = (foreign.to.name.clone(), delivery.octets());
+        let letterbox = self.post.boxes.entry(name.clone()).or_default();
+        let too_much = letterbox.octets + octets > self.config.queue_octets;
+        letterbox.waiting.push_back(id);
+        letterbox.octets += octets;
+        let waiting = letterbox.waiting.len();
+        if waiting > 1 && (waiting > MAX_WAITING || too_much) {
+            let reason = Text::from(format!("too many letters wait for {name}"));
+            self.finish(now, id, Outcome::Refused, reason);
+        } else if waiting == 1 {
+            self.post.due.push_back(name);
+            self.run_post(now);
+        }
+    }
+
+    /// Begins with letters whose turn it is, and dials while connections are free.
+    fn run_post(&mut self, now: Now) {
+        if std::mem::replace(&mut self.post.running, true) {
+            return;
+        }
+        loop {
+            if let Some(name) = self.post.due.pop_front() {
+                self.begin_next(now, &name);
+            } else if !self.dial_next(now) {
+                break;
+            }
+        }
+        self.post.running = false;
+    }
+
+    fn begin_next(&mut self, now: Now, name: &Text) {
+        let Some(letterbox) = self.post.boxes.get(name) else {
+            return;
+        };
+        let Some(id) = letterbox.waiting.front().copied() else {
+            self.post.boxes.remove(name);
+            return;
+        };
+        if self.post.attempts.contains_key(&id) {
+            return;
+        }
+        let foreign = self.deliveries.get(&id).and_then(|d| d.foreign.as_deref());
+        let attempt = foreign.map(|foreign| self.attempt(foreign));
+        self.post.attempts.insert(id, attempt.unwrap_or_default());
+        self.try_place(now, id);
+    }
+
+    /// Where a letter can go, in the order in which that is tried.
+    fn attempt(&self, foreign: &Foreign) -> Attempt {
+        let name = &foreign.to.name;
+        let mut attempt = Attempt::default();
+        let mut locations = match (&foreign.addresses[..], self.neighbours.get(name)) {
+            ([], Some(neighbour)) => neighbour.entry.locations.clone(),
+            ([], None) => {
+                attempt.possible = true;
+                attempt
+                    .failures
+                    .push(format!("{name} is not announced any more"));
+                Vec::new()
+            }
+            (given, _) => given.iter().map(location).collect(),
+        };
+        locations.sort_by_key(|l| preference(&l.address, &foreign.transports));
+        // What fipa_services writes ends with a separator, and so with an empty location.
+        for location in locations.iter().filter(|l| !l.address.is_empty()) {
+            match self.place(location) {
+                Ok(place) => attempt.places.push_back(place),
+                Err(reason) => attempt.failures.push(reason),
+            }
+        }
+        attempt
+    }
+
+    fn place(&self, location: &Location) -> Result<(Address, Dialect), String> {
+        let (at, signature) = (&location.address, &location.signature);
+        let Some(dialect) = dialects::of_signature(signature) else {
+            return Err(format!("{at}: {signature:?} is not spoken here"));
+        };
+        match at.parse() {
+            Ok(address) if self.config.endpoints.contains(&address) => {
+                Err(format!("{at}: this is the service itself"))
+            }
+            Ok(address @ Address::Tcp { .. }) => Ok((address, dialect)),
+            Ok(Address::Unix(_)) => Err(format!("{at}: it is a socket of another host")),
+            Err(error) => Err(format!("{at}: {error}")),
+        }
+    }
+
+    /// Tries the next place as soon as a connection is free; or there is none.
+    fn try_place(&mut self, now: Now, id: u64) {
+        let Some(attempt) = self.post.attempts.get(&id) else {
+            return;
+        };
+        if !attempt.places.is_empty() {
+            self.post.queue.push_back(id);
+            return;
+        }
+        let outcome = match attempt.possible {
+            true => Outcome::Timeout,
+            false => Outcome::Refused,
+        };
+        let reason = match &attempt.failures[..] {
+            [] => "no address of it is known".to_owned(),
+            failures => failures.join("; "),
+        };
+        self.finish(now, id, outcome, Text::from(reason));
+    }
+
+    /// Sets out with the first letter that a connection is free for, if there is any.
+    fn dial_next(&mut self, now: Now) -> bool {
+        let next = match self.closing {
+            true => None,
+            false => self.post.next_to_dial(),
+        };
+        let Some((id, address, dialect)) = next else {
+            return false;
+        };
+        match self.written_for(id, &address, dialect) {
+            Ok(parts) => {
+                let trip = Trip {
+                    delivery: id,
+                    address: address.clone(),
+                    parts: parts.into(),
+                };
+                let dial = DialId(self.id());
+                self.post.set_out(dial, trip);
+                let addresses = vec![address];
+                self.outputs.push_back(Output::Dial { dial, addresses });
+            }
+            Err(reason) => {
+                if let Some(attempt) = self.post.attempts.get_mut(&id) {
+                    attempt.failures.push(format!("{address}: {reason}"));
+                    attempt.places.pop_front();
+                }
+                self.try_place(now, id);
+            }
+        }
+        true
+    }
+
+    /// A letter as it is written to an address.
+    fn written_for(
+        &self,
+        id: u64,
+        address: &Address,
+        dialect: Dialect,
+    ) -> Result<Vec<Bytes>, String> {
+        let foreign = self.deliveries.get(&id).and_then(|d| d.foreign.as_deref());
+        let foreign = foreign.ok_or("it is not under way any more")?;
+        // Nobody on another host is told where only this one reaches us.
+        let useful = |own: &&Address| address.is_loopback() || !own.is_loopback();
+        let endpoints = self.config.endpoints.iter().filter(useful);
+        let endpoints = endpoints.map(Address::to_text).collect();
+        dialects::write(foreign, dialect, endpoints, &self.config.limits)
+    }
+
+    pub(super) fn post_connected(&mut self, now: Now, conn: ConnId, dial: DialId) {
+        let Some(trip) = self.post.dials.remove(&dial) else {
+            return;
+        };
+        match self.post.attempts.get_mut(&trip.delivery) {
+            Some(attempt) if !self.closing => {
+                attempt.conn = Some(conn);
+                self.outputs.push_back(Output::Transmit(conn));
+                self.outputs.push_back(Output::Finish(conn));
+                self.post.conns.insert(conn, trip);
+            }
+            _ => {
+                self.outputs.push_back(Output::Close(conn));
+                self.post.release(&trip.address);
+                self.run_post(now);
+            }
+        }
+    }
+
+    pub(super) fn post_dial_failed(&mut self, now: Now, dial: DialId, reason: &str) {
+        if let Some(trip) = self.post.dials.remove(&dial) {
+            self.post.release(&trip.address);
+            self.place_failed(now, trip.delivery, reason.to_owned());
+            self.run_post(now);
+        }
+    }
+
+    /// A connection has ended on which a letter was written.
+    pub(super) fn post_closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>) {
+        let Some(trip) = self.post.conns.remove(&conn) else {
+            return;
+        };
+        self.post.release(&trip.address);
+        let Trip {
+            delivery, address, ..
+        } = trip;
+        let attempt = self.post.attempts.get_mut(&delivery);
+        let Some(attempt) = attempt.filter(|attempt| attempt.conn == Some(conn)) else {
+            return self.run_post(now);
+        };
+        attempt.conn = None;
+        let whole = ended.all_written && trip.parts.is_empty();
+        if !whole {
+            let reason = format!("{address}: {}", ended.reason);
+            self.place_failed(now, delivery, reason);
+            return self.run_post(now);
+        }
+        let Some(sent) = self.deliveries.get_mut(&delivery) else {
+            return;
+        };
+        sent.via = Some(address.to_text());
+        if ended.orderly {
+            if let Some(foreign) = &sent.foreign {
+                let name = foreign.to.name.clone();
+                self.trust_neighbour(&name);
+            }
+            self.finish(now, delivery, Outcome::Sent, Text::default());
+        } else {
+            let reason = format!(
+                "the connection to {address} broke when the whole letter was written, \
+                 and nobody knows whether it arrived: {}",
+                ended.reason
+            );
+            self.finish(now, delivery, Outcome::Timeout, Text::from(reason));
+        }
+    }
+
+    /// A letter did not get to where it was tried.
+    fn place_failed(&mut self, now: Now, id: u64, reason: String) {
+        let Some(attempt) = self.post.attempts.get_mut(&id) else {
+            return;
+        };
+        attempt.tries += 1;
+        if attempt.tries == TRIES {
+            attempt.tries = 0;
+            attempt.failures.push(reason);
+            attempt.places.pop_front();
+        }
+        let foreign = self.deliveries.get(&id).and_then(|d| d.foreign.as_deref());
+        if let Some(foreign) = foreign.filter(|foreign| foreign.addresses.is_empty()) {
+            let name = foreign.to.name.clone();
+            self.doubt_neighbour(&name);
+        }
+        self.try_place(now, id);
+    }
+
+    /// A letter is not on its way any more; the next one for the same receiver is.
+    pub(super) fn post_ended(&mut self, now: Now, id: u64, foreign: &Foreign, octets: usize) {
+        let name = &foreign.to.name;
+        if let Some(letterbox) = self.post.boxes.get_mut(name) {
+            letterbox.waiting.retain(|waiting| *waiting != id);
+            letterbox.octets -= octets;
+        }
+        if let Some(attempt) = self.post.attempts.remove(&id) {
+            self.post.queue.retain(|waiting| *waiting != id);
+            if let Some(conn) = attempt.conn {
+                self.outputs.push_back(Output::Abort(conn));
+            }
+        }
+        self.post.due.push_back(name.clone());
+        self.run_post(now);
+    }
+
+    /// The letters for a neighbour of which nothing is written yet, the last one first: so none is
+    /// tried because the one before it ends.
+    pub(super) fn waiting_for_neighbour(&self, name: &str) -> Vec<u64> {
+        let letterbox = self.post.boxes.get(name);
+        let waiting = letterbox
+            .into_iter()
+            .flat_map(|letterbox| &letterbox.waiting);
+        let by_entry = |id: &&u64| {
+            let foreign = self.deliveries.get(id).and_then(|d| d.foreign.as_deref());
+            foreign.is_some_and(|foreign| foreign.addresses.is_empty())
+        };
+        let unwritten = |id: &&u64| {
+            let attempt = self.post.attempts.get(id);
+            attempt.is_none_or(|attempt| attempt.conn.is_none())
+        };
+        let waiting = waiting.filter(by_entry).filter(unwritten);
+        waiting.rev().copied().collect()
+    }
+
+    /// What was tried for a letter, as the end of a sentence.
+    pub(super) fn post_failures(&self, id: u64) -> String {
+        match self.post.attempts.get(&id) {
+            Some(attempt) if !attempt.failures.is_empty() => {
+                format!(" ({})", attempt.failures.join("; "))
+            }
+            _ => String::new(),
+        }
+    }
+
+    /// Whether a letter is being written: then it may arrive whatever happens here.
+    pub(super) fn is_being_posted(&self, id: u64) -> bool {
+        let attempt = self.post.attempts.get(&id);
+        attempt.is_some_and(|attempt| attempt.conn.is_some())
+    }
+
+    /// Why a letter did not leave in time.
+    pub(super) fn post_lateness(&self, id: u64) -> String {
+        let tried = self.post_failures(id);
+        let Some(attempt) = self.post.attempts.get(&id) else {
+            return "letters to the same receiver were not written in time".to_owned();
+        };
+        let at = attempt.places.front().map(|(address, _)| address.to_text());
+        let at = at.unwrap_or_default();
+        match attempt.conn {
+            Some(_) => format!("{at} did not take the whole letter in time{tried}"),
+            None => format!("{at} could not be reached in time{tried}"),
+        }
+    }
+
+    /// What is being written is broken off.
+    pub(super) fn end_post(&mut self) {
+        let conns = self.post.conns.keys().copied();
+        self.outputs.extend(conns.map(Output::Abort));
+    }
+}
+
+/// The place of an address among the transports that a sender prefers; those that it does not name
+/// are last.
+pub(super) fn preference(address: &str, transports: &[Text]) -> usize {
+    let scheme = address.split("://").next().unwrap_or_default();
+    let mut preferred = transports.iter();
+    preferred
+        .position(|transport| transport == scheme)
+        .unwrap_or(transports.len())
+}
+
+/// An address of which nothing is known but that letters for the receiver go there.
+fn location(address: &Address) -> Location {
+    Location {
+        address: address.to_text(),
+        signature: Text::from_static(MESSAGE_TRANSPORT),
+    }
+}
