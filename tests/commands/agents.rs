@@ -75,6 +75,46 @@ fn the_pattern_must_match_all_of_the_field() {
 }
 
 #[test]
+fn agents_that_are_gone_are_listed_on_request() {
+    let place = Place::new();
+    let daemon = place.start_with("robot1", &["--no-mdns"]);
+    let _arm = daemon.attach("listen", "arm@robot1");
+    let drive = daemon.attach("listen", "drive@robot1");
+    let mut watch = Process::start(daemon.fipa(&["agents", "drive.*", "--watch", "--json"]));
+    assert_eq!(watch.json()["event"], "added");
+    drive.kill();
+    let removed = watch.json();
+    assert_eq!(removed["event"], "removed");
+    assert_eq!(removed["agent"]["state"], "gone");
+
+    let states = |words: &[&str]| -> Vec<(String, String)> {
+        let ended = daemon.run(&[words, &["--json"]].concat());
+        assert_eq!(ended.code, Some(0), "{words:?}: {ended:?}");
+        let agents = ended.json();
+        let text = |value: &serde_json::Value| value.as_str().unwrap().to_owned();
+        let agents = agents.iter().inspect(|agent| assert_eq!(keys(agent), KEYS));
+        agents
+            .map(|agent| (text(&agent["name"]), text(&agent["state"])))
+            .collect()
+    };
+    let arm = || ("arm@robot1".to_owned(), "alive".to_owned());
+    let gone = ("drive@robot1".to_owned(), "gone".to_owned());
+    assert_eq!(states(&["agents"]), [arm()]);
+    assert_eq!(states(&["agents", "--gone"]), [arm(), gone.clone()]);
+    assert_eq!(states(&["agents", "drive.*", "--gone"]), [gone]);
+    assert_eq!(daemon.run(&["agents", "drive.*"]).code, Some(1));
+    let table = daemon.run(&["agents", "--gone"]).output;
+    assert!(table[2].contains("drive@robot1") && table[2].contains("gone"));
+    let mut watch = Process::start(daemon.fipa(&["agents", "--watch", "--gone", "--json"]));
+    let begins = [watch.json(), watch.json()];
+    assert_eq!(begins[0]["event"], "added");
+    assert_eq!(begins[1]["event"], "removed");
+
+    let _drive = daemon.attach("listen", "drive@robot1");
+    assert_eq!(states(&["agents", "--gone"])[1].1, "alive");
+}
+
+#[test]
 fn people_see_a_table() {
     let place = Place::new();
     let daemon = place.start_with("robot1", &["--no-mdns"]);

@@ -38,6 +38,35 @@ fn agents_of_a_killed_daemon_are_removed_once_and_added_once_when_it_is_back() {
     }
 }
 
+#[test]
+fn twenty_agents_of_a_killed_daemon_are_gone_everywhere_in_time() {
+    let place = Place::new();
+    let (one, two) = (place.start("robot1"), place.start("robot2"));
+    let three = place.start("robot3");
+    let program = fipa::blocking::Platform::attach_to(&two.control).unwrap();
+    let names: Vec<String> = (0..20).map(|n| format!("agent{n}@robot2")).collect();
+    let agents = names
+        .iter()
+        .map(|name| program.agent(name.as_str()).unwrap());
+    let _agents: Vec<_> = agents.collect();
+    let _kept = three.attach("listen", "kept@robot3");
+    let watching = [&one, &three].map(|daemon| {
+        names.iter().for_each(|name| daemon.wait_for(name));
+        daemon.wait_for("kept@robot3");
+        fipa::blocking::Platform::attach_to(&daemon.control).unwrap()
+    });
+    two.kill();
+    let killed = Instant::now();
+    for platform in &watching {
+        while !platform.search(".*@robot2").unwrap().is_empty() {
+            assert!(killed.elapsed() < FORGOTTEN);
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert_eq!(platform.search(".*").unwrap().len(), 1);
+        assert_eq!(platform.search_gone(".*@robot2").unwrap().len(), 20);
+    }
+}
+
 /// The events that were read: what happened, to whom, and the state that it had then.
 #[derive(Debug, Default)]
 struct History(Vec<(String, String, String)>);

@@ -4,6 +4,7 @@
 mod support;
 
 mod ending;
+mod joining;
 mod losing;
 mod names;
 mod patterns;

@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use crate::support::daemon::{Daemon, Place};
 use crate::support::namespace::Namespace;
+use crate::support::process::Process;
 
 #[test]
 fn daemons_at_the_ends_of_a_wire_find_each_other_by_mdns_and_answer_2000_of_2000() {
@@ -49,6 +50,33 @@ fn without_mdns_one_address_on_one_side_is_enough_for_both() {
     assert_eq!(source(&one, "echo@robot2"), "peer");
     ping(&one, "echo@robot2");
     ping(&two, "echo@robot1");
+}
+
+#[test]
+fn a_robot_that_gets_another_address_tells_it_for_all_its_agents_in_one_step() {
+    let Some((host1, host2)) = Namespace::pair() else {
+        return;
+    };
+    let place = Place::new();
+    let one = place.start_in(&host1, "robot1", &["--no-mdns", "--listen", "0.0.0.0:0"]);
+    let endpoint = one.endpoint();
+    assert!(endpoint.starts_with("tcp://10.0.0.1:"), "{endpoint}");
+    let options = ["--no-mdns", "--listen", "10.0.0.2:0", "--peer", endpoint];
+    let two = place.start_in(&host2, "robot2", &options);
+    let _agents = ["arm@robot1", "drive@robot1"].map(|name| one.attach("listen", name));
+    let mut watch = Process::start(two.fipa(&["agents", "--watch", "--json"]));
+    for _ in 0..2 {
+        assert_eq!(watch.json()["event"], "added");
+    }
+    let moved = endpoint.replace("10.0.0.1", "10.0.0.7");
+    host1.add_address("10.0.0.7");
+    for _ in 0..2 {
+        let event = watch.json();
+        assert_eq!(event["event"], "changed");
+        let locations = event["agent"]["locations"].as_array().unwrap();
+        let addresses: Vec<&Value> = locations.iter().map(|l| &l["address"]).collect();
+        assert_eq!(addresses, [endpoint, &moved], "loopback is not told");
+    }
 }
 
 fn source(daemon: &Daemon, agent: &str) -> Value {

@@ -49,6 +49,11 @@ impl Namespace {
         self.ip("link set wire up").unwrap();
     }
 
+    /// Gives the host another address at its end of the wire.
+    pub(crate) fn add_address(&self, address: &str) {
+        self.ip(&format!("addr add {address}/24 dev wire")).unwrap();
+    }
+
     /// The kernel notices a little later that both ends of a wire are plugged in.
     fn wait_until_plugged(&self) {
         let until = Instant::now() + PATIENCE;

@@ -1,4 +1,5 @@
 use std::fmt;
+use std::net::IpAddr;
 use std::str::FromStr;
 
 use fipa_acl::Text;
@@ -53,12 +54,28 @@ impl Address {
         match self {
             Address::Unix(_) => true,
             Address::Tcp { host, .. } => {
-                host == "localhost"
-                    || host
-                        .parse::<std::net::IpAddr>()
-                        .is_ok_and(|ip| ip.is_loopback())
+                host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
             }
         }
+    }
+
+    /// Whether it means something only together with an interface of its reader: 169.254.0.0/16
+    /// (RFC 3927) and fe80::/10 (RFC 4291).
+    pub fn is_link_local(&self) -> bool {
+        let Address::Tcp { host, .. } = self else {
+            return false;
+        };
+        let ip = host.split('%').next().unwrap_or_default();
+        match ip.parse() {
+            Ok(IpAddr::V4(ip)) => ip.is_link_local(),
+            Ok(IpAddr::V6(ip)) => ip.is_unicast_link_local(),
+            Err(_) => false,
+        }
+    }
+
+    /// Whether it is of use to another host.
+    pub fn is_for_others(&self) -> bool {
+        !self.is_loopback() && !self.is_link_local()
     }
 
     /// The address as text that entries and receipts carry.

@@ -104,6 +104,7 @@ pub struct Record {
     pub source: Source,
     /// How sure it is.
     pub state: State,
-    /// When it came to be known, on the clock of [`Now::mono`](crate::Now::mono).
+    /// When it came to be known, on the clock of [`Now::mono`](crate::Now::mono); of one that is
+    /// [`State::Gone`], when it went.
     pub since: Duration,
 }

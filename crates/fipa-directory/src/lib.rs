@@ -21,6 +21,7 @@ mod instance;
 mod now;
 mod pattern;
 mod store;
+mod tombstones;
 
 pub use address::{Address, ParseAddressError};
 pub use entry::{Entry, Location, MESSAGE_TRANSPORT, Record, Source, State};

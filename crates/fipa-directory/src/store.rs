@@ -1,17 +1,32 @@
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
+use std::time::Duration;
 
 use fipa_acl::Text;
 
+use crate::tombstones::Tombstones;
 use crate::{Entry, Field, InstanceId, Now, Pattern, Record, Source, State};
+
+/// How long two living platforms hold one name before that is a conflict. An agent that moves may
+/// be registered at its new place before it has left the old one, and the news of both travel on
+/// ways of their own.
+const MOVING: Duration = Duration::from_secs(1);
 
 /// The store of entries, by name; and the queue of what changed.
 ///
-/// Two platforms may hold the same name. Both records are kept, nothing is renamed, and the
-/// clash is reported as a [`ChangeKind::Conflict`].
+/// Two platforms may hold the same name. Both records are kept, nothing is renamed, and a clash
+/// that lasts for a second is reported as a [`ChangeKind::Conflict`].
+///
+/// What went is remembered as a tombstone, with the state [`State::Gone`]: the last 1000 names,
+/// for 24 hours. [`find`](Self::find) and [`search`](Self::search) do not see them.
 #[derive(Debug, Default)]
 pub struct Directory {
     names: HashMap<Text, Vec<Record>>,
     owners: HashMap<InstanceId, BTreeSet<Text>>,
+    gone: Tombstones,
+    /// Names that several living platforms hold, and since when that is a conflict.
+    clashes: HashMap<Text, Duration>,
+    /// Those of them that have not been reported yet.
+    unreported: BTreeSet<(Duration, Text)>,
     changes: VecDeque<Change>,
 }
 
@@ -20,7 +35,7 @@ pub struct Directory {
 pub struct Change {
     /// What happened.
     pub kind: ChangeKind,
-    /// The record as it is now, or as it was when it went.
+    /// The record as it is now; one that went has the state [`State::Gone`].
     pub record: Record,
 }
 
@@ -33,7 +48,7 @@ pub enum ChangeKind {
     Changed,
     /// It is gone.
     Removed,
-    /// A second living platform holds the same name.
+    /// A second living platform holds the same name, and has for a second.
     Conflict,
 }
 
@@ -53,12 +68,20 @@ impl Directory {
             state: State::Alive,
             since: now.mono,
         };
-        self.put_record(record);
+        self.put_record(now, record);
     }
 
-    /// Puts a record as another directory holds it: with its own owner, source, state and age.
-    pub fn put_record(&mut self, record: Record) {
+    /// Puts a record as another directory holds it: with its own owner, source, state and age. One
+    /// that is [`State::Gone`] becomes a tombstone, of which nothing is reported.
+    pub fn put_record(&mut self, now: Now, record: Record) {
         let name = record.entry.name.clone();
+        if record.state == State::Gone {
+            if !self.names.contains_key(&name) {
+                self.gone.put(now, record);
+            }
+            return;
+        }
+        self.gone.remove(&name);
         let records = self.names.entry(name.clone()).or_default();
         if let Some(known) = records.iter_mut().find(|r| r.owner == record.owner) {
             let since = known.since;
@@ -70,32 +93,47 @@ impl Directory {
                 let record = known.clone();
                 self.report(ChangeKind::Changed, record);
             }
-            return;
+        } else {
+            records.push(record.clone());
+            let names = self.owners.entry(record.owner).or_default();
+            names.insert(name.clone());
+            self.report(ChangeKind::Added, record);
         }
-        let clash = record.state == State::Alive && records.iter().any(|r| r.state == State::Alive);
-        records.push(record.clone());
-        self.owners.entry(record.owner).or_default().insert(name);
-        self.report(ChangeKind::Added, record.clone());
-        if clash {
-            self.report(ChangeKind::Conflict, record);
-        }
+        self.look_for_clash(now, &name);
     }
 
     /// Takes away the entry of this name for which `owner` vouched.
-    pub fn remove(&mut self, owner: InstanceId, name: &str) -> Option<Record> {
+    pub fn remove(&mut self, now: Now, owner: InstanceId, name: &str) -> Option<Record> {
         let records = self.names.get_mut(name)?;
         let at = records.iter().position(|r| r.owner == owner)?;
         let record = records.remove(at);
-        if records.is_empty() {
-            self.names.remove(name);
-        }
+        let last = records.is_empty();
         if let Some(names) = self.owners.get_mut(&owner) {
             names.remove(name);
             if names.is_empty() {
                 self.owners.remove(&owner);
             }
         }
-        self.report(ChangeKind::Removed, record.clone());
+        if last {
+            self.names.remove(name);
+            let since = now.mono;
+            self.gone.put(
+                now,
+                Record {
+                    since,
+                    ..record.clone()
+                },
+            );
+        }
+        self.look_for_clash(now, &record.entry.name);
+        let state = State::Gone;
+        self.report(
+            ChangeKind::Removed,
+            Record {
+                state,
+                ..record.clone()
+            },
+        );
         Some(record)
     }
 
@@ -110,7 +148,7 @@ impl Directory {
             None => Vec::new(),
         };
         for name in gone {
-            self.remove(owner, &name);
+            self.remove(now, owner, &name);
         }
         for entry in entries {
             self.put(now, owner, source, entry);
@@ -118,15 +156,18 @@ impl Directory {
     }
 
     /// Takes away everything for which `owner` vouched.
-    pub fn remove_owner(&mut self, owner: InstanceId) {
+    pub fn remove_owner(&mut self, now: Now, owner: InstanceId) {
         for name in self.owned_names(owner) {
-            self.remove(owner, &name);
+            self.remove(now, owner, &name);
         }
     }
 
     /// Sets how sure everything is for which `owner` vouches.
-    pub fn set_state(&mut self, owner: InstanceId, state: State) {
+    pub fn set_state(&mut self, now: Now, owner: InstanceId, state: State) {
         self.update_owner(owner, |record| record.state = state);
+        for name in self.owned_names(owner) {
+            self.look_for_clash(now, &name);
+        }
     }
 
     /// Sets how everything came to be known for which `owner` vouches.
@@ -184,9 +225,52 @@ impl Directory {
         self.names.is_empty()
     }
 
+    /// The tombstone of this name: nobody has it now, and somebody had it within the last 24 hours.
+    /// Its [`Record::since`] is when it went.
+    pub fn tombstone(&self, now: Now, name: &str) -> Option<&Record> {
+        self.gone.get(now, name)
+    }
+
+    /// Every tombstone, in no order.
+    pub fn tombstones(&self, now: Now) -> impl Iterator<Item = &Record> {
+        self.gone.iter(now)
+    }
+
+    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, on [`Now::mono`].
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        self.unreported.first().map(|(due, _)| *due)
+    }
+
+    /// Reports the clashes that have lasted for long enough.
+    pub fn handle_timeout(&mut self, now: Now) {
+        while let Some((due, _)) = self.unreported.first()
+            && *due <= now.mono
+            && let Some((_, name)) = self.unreported.pop_first()
+        {
+            let records = self.names.get(&name).into_iter().flatten();
+            let youngest = records.max_by_key(|record| record.since).cloned();
+            if let Some(record) = youngest {
+                self.report(ChangeKind::Conflict, record);
+            }
+        }
+    }
+
     /// The next change that nobody has seen yet.
     pub fn poll_change(&mut self) -> Option<Change> {
         self.changes.pop_front()
+    }
+
+    fn look_for_clash(&mut self, now: Now, name: &Text) {
+        let records = self.names.get(name).into_iter().flatten();
+        if records.filter(|r| r.state == State::Alive).count() > 1 {
+            let due = now.mono.saturating_add(MOVING);
+            if !self.clashes.contains_key(name) {
+                self.clashes.insert(name.clone(), due);
+                self.unreported.insert((due, name.clone()));
+            }
+        } else if let Some(due) = self.clashes.remove(name) {
+            self.unreported.remove(&(due, name.clone()));
+        }
     }
 
     fn owned_names(&self, owner: InstanceId) -> Vec<Text> {

@@ -3,7 +3,7 @@ use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Source, State};
 
 use crate::wire::{FrameError, Reader, put_list, put_text};
-use crate::{Hello, ReceiverOutcome};
+use crate::{Hello, KnownPlatform, ReceiverOutcome};
 
 /// One frame of a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,6 +54,8 @@ pub enum Frame {
     Pong(u64),
     /// The link is about to be closed, and why; or which one of several between two stays.
     Goodbye(Text),
+    /// Platforms that the speaker has open links with: what is new since it told last.
+    Platforms(Vec<KnownPlatform>),
     /// A kind that this version does not know; it is passed over.
     Unknown(u8),
 }
@@ -159,6 +161,7 @@ impl Frame {
             9 => Frame::Ping(r.u64()?),
             10 => Frame::Pong(r.u64()?),
             11 => Frame::Goodbye(r.text()?),
+            12 => Frame::Platforms(r.list(KnownPlatform::read)?),
             other => Frame::Unknown(other),
         })
     }
@@ -176,6 +179,7 @@ impl Frame {
             Frame::Ping(_) => 9,
             Frame::Pong(_) => 10,
             Frame::Goodbye(_) => 11,
+            Frame::Platforms(_) => 12,
             Frame::Unknown(kind) => *kind,
         }
     }
@@ -215,6 +219,7 @@ impl Frame {
             Frame::Directory(directory) => directory.put(out),
             Frame::Ping(nonce) | Frame::Pong(nonce) => out.put_u64(nonce),
             Frame::Goodbye(reason) => put_text(out, &reason),
+            Frame::Platforms(platforms) => put_list(out, &platforms, KnownPlatform::put),
             Frame::Watch | Frame::Unknown(_) => {}
         }
         Vec::new()
@@ -233,6 +238,7 @@ fn name_of(kind: u8) -> &'static str {
         9 => "ping",
         10 => "pong",
         11 => "goodbye",
+        12 => "platforms",
         _ => "unknown",
     }
 }

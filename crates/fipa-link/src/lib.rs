@@ -8,6 +8,7 @@
 //!   letter ─▶ ◀─ receipt   a letter, and what became of it, receiver by receiver
 //!   attach, detach ─▶ ◀─ answer      a program's agents
 //!   directory ─▶           snapshot, then changes; numbered by their owner
+//!   platforms ─▶           who else has an open link with the speaker, and where to dial
 //!   ping ─▶ ◀─ pong        heartbeat                goodbye ─▶ the reason for closing
 //! ```
 //!
@@ -19,12 +20,14 @@ mod frame;
 mod hello;
 mod link;
 mod outcome;
+mod platforms;
 mod wire;
 
 pub use frame::{DirectoryFrame, DirectoryItem, Frame, LetterFrame};
 pub use hello::{Hello, Role};
 pub use link::{Event, Link, LinkConfig, LinkError};
 pub use outcome::{Outcome, ReceiverOutcome};
+pub use platforms::KnownPlatform;
 pub use wire::FrameError;
 
 /// The octets that open a link; the last is the version of the framing.

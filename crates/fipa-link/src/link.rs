@@ -178,6 +178,11 @@ impl Link {
         self.out_octets
     }
 
+    /// When the partner was heard last, on the clock of [`Now::mono`].
+    pub fn last_heard(&self) -> Duration {
+        self.last_heard
+    }
+
     /// When [`handle_timeout`](Self::handle_timeout) wants to be called, on the clock of
     /// [`Now::mono`].
     pub fn poll_timeout(&self) -> Duration {

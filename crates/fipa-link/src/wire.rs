@@ -93,6 +93,12 @@ impl Reader {
         Ok(items)
     }
 
+    /// A value behind its length; what this version does not know of it is passed over.
+    pub(crate) fn part(&mut self) -> Result<Reader, FrameError> {
+        let octets = self.u32()? as usize;
+        Ok(Reader::new(self.take(octets)?, self.frame))
+    }
+
     pub(crate) fn rest(self) -> Bytes {
         self.body
     }

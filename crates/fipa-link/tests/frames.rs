@@ -4,8 +4,8 @@ use bytes::{BufMut, Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Now, Source, State};
 use fipa_link::{
-    DirectoryFrame, DirectoryItem, Event, Frame, Hello, LetterFrame, Link, LinkConfig, LinkError,
-    Outcome, PREAMBLE, ReceiverOutcome, Role,
+    DirectoryFrame, DirectoryItem, Event, Frame, Hello, KnownPlatform, LetterFrame, Link,
+    LinkConfig, LinkError, Outcome, PREAMBLE, ReceiverOutcome, Role,
 };
 use proptest::prelude::*;
 
@@ -87,6 +87,19 @@ fn item() -> impl Strategy<Value = DirectoryItem> {
     ]
 }
 
+fn platform() -> impl Strategy<Value = KnownPlatform> {
+    let addresses = prop::collection::vec(text(), 0..4);
+    (instance(), text(), text(), addresses, any::<u64>()).prop_map(
+        |(instance, name, scope, addresses, age_millis)| KnownPlatform {
+            instance,
+            name,
+            scope,
+            addresses,
+            age_millis,
+        },
+    )
+}
+
 /// Any frame but those that a link answers by itself.
 fn frame() -> impl Strategy<Value = Frame> {
     let items = prop::collection::vec(item(), 0..5);
@@ -123,6 +136,7 @@ fn frame() -> impl Strategy<Value = Frame> {
             })
         ),
         text().prop_map(Frame::Goodbye),
+        prop::collection::vec(platform(), 0..5).prop_map(Frame::Platforms),
     ]
 }
 
@@ -299,4 +313,29 @@ fn a_count_larger_than_the_frame_is_refused_before_anything_is_reserved() {
     receipt.put_u64(1);
     receipt.put_u32(u32::MAX);
     assert!(Frame::decode(3, receipt.freeze()).is_err());
+}
+
+#[test]
+fn what_a_later_version_adds_to_a_platform_is_passed_over() {
+    let mut body = BytesMut::new();
+    body.put_u32(2);
+    for n in [1, 2] {
+        let mut platform = BytesMut::new();
+        platform.put_slice(&[n; 16]);
+        // Name, scope and addresses are empty.
+        platform.put_bytes(0, 12);
+        platform.put_u64(7);
+        platform.put_slice(b"something new");
+        body.put_u32(u32::try_from(platform.len()).unwrap());
+        body.put_slice(&platform);
+    }
+    let Ok(Frame::Platforms(platforms)) = Frame::decode(12, body.freeze()) else {
+        panic!("not read");
+    };
+    let read: Vec<_> = platforms
+        .iter()
+        .map(|p| (p.instance, p.age_millis))
+        .collect();
+    let expected = [1, 2].map(|n| (InstanceId::from_bytes([n; 16]), 7));
+    assert_eq!(read, expected);
 }

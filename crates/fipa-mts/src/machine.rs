@@ -126,7 +126,7 @@ pub enum RegisterError {
     /// Somebody else here holds the name.
     #[error("the name {0} is held by another connection")]
     Held(Text),
-    /// The daemon said no.
+    /// The service said no, and why.
     #[error("{0}")]
     Refused(Text),
     /// The daemon cannot be reached.
@@ -169,6 +169,15 @@ pub enum Output {
         ticket: u64,
         /// The outcomes, in the order in which the receivers were resolved.
         outcomes: Vec<ReceiverOutcome>,
+    },
+    /// An agent has left; nothing more comes for it here.
+    Left {
+        /// The ticket it was asked with.
+        ticket: u64,
+        /// The agent.
+        name: Text,
+        /// The letters that were delivered to it and not taken yet, the oldest first.
+        letters: Vec<Letter>,
     },
     /// A letter waits in the mailbox of this agent.
     Mail(Text),
@@ -295,6 +304,10 @@ pub trait Machine {
     fn register(&mut self, now: Now, ticket: u64, registration: Registration);
     /// Takes an agent away, with what waits for it.
     fn deregister(&mut self, now: Now, name: &str);
+    /// Takes an agent away and hands over what waits for it; answered by [`Output::Left`]. What is
+    /// under way to it follows it to where it is registered next, within a second, or is answered
+    /// as unknown.
+    fn leave(&mut self, now: Now, ticket: u64, name: &str);
     /// Takes in a letter; answered by one [`Output::Outcome`].
     fn submit(&mut self, now: Now, submission: Submission);
     /// The oldest letter that waits for an agent registered here.

@@ -39,6 +39,11 @@ impl Mailbox {
         Ok(())
     }
 
+    /// All letters, the oldest first.
+    pub fn into_letters(self) -> Vec<Letter> {
+        self.letters.into()
+    }
+
     /// Takes the oldest letter out.
     pub fn pop(&mut self) -> Option<Letter> {
         let letter = self.letters.pop_front()?;

@@ -48,6 +48,8 @@ pub struct Program {
     agents: HashMap<Text, Attached>,
     /// Attach requests that wait for their answers: the name, and the ticket of the first time.
     requests: HashMap<u64, (Text, Option<u64>)>,
+    /// Detach requests of agents whose mail is wanted: the ticket, and the name.
+    leaving: HashMap<u64, (u64, Text)>,
     letters: HashMap<u64, Sent>,
     deadlines: BTreeSet<(Duration, u64)>,
     /// Letters handed in while the daemon was not there.
@@ -91,6 +93,7 @@ impl Program {
             announced: false,
             agents: HashMap::new(),
             requests: HashMap::new(),
+            leaving: HashMap::new(),
             letters: HashMap::new(),
             deadlines: BTreeSet::new(),
             waiting: VecDeque::new(),
@@ -254,6 +257,10 @@ impl Program {
     }
 
     fn on_answer(&mut self, request: u64, refusal: Text) {
+        if let Some((ticket, name)) = self.leaving.remove(&request) {
+            self.has_left(ticket, name);
+            return;
+        }
         let Some((name, ticket)) = self.requests.remove(&request) else {
             return;
         };
@@ -276,6 +283,19 @@ impl Program {
         }
     }
 
+    /// The daemon sends nothing more to an agent.
+    fn has_left(&mut self, ticket: u64, name: Text) {
+        let letters = match self.agents.remove(&name) {
+            Some(agent) => agent.mailbox.into_letters(),
+            None => Vec::new(),
+        };
+        self.outputs.push_back(Output::Left {
+            ticket,
+            name,
+            letters,
+        });
+    }
+
     fn on_directory(&mut self, now: Now, frame: DirectoryFrame) {
         if frame.snapshot {
             self.snapshot = Some(Vec::new());
@@ -289,16 +309,16 @@ impl Program {
                 snapshot.extend(records);
                 if !frame.more {
                     let records = self.snapshot.take().unwrap_or_default();
-                    self.replace_directory(records);
+                    self.replace_directory(now, records);
                     self.directory_known = true;
                 }
             }
             None => {
                 for item in frame.items {
                     match record_of(now, item) {
-                        Ok(record) => self.directory.put_record(record),
+                        Ok(record) => self.directory.put_record(now, record),
                         Err((owner, name)) => {
-                            self.directory.remove(owner, &name);
+                            self.directory.remove(now, owner, &name);
                         }
                     }
                 }
@@ -307,7 +327,7 @@ impl Program {
         self.publish_changes();
     }
 
-    fn replace_directory(&mut self, records: Vec<Record>) {
+    fn replace_directory(&mut self, now: Now, records: Vec<Record>) {
         let kept: BTreeSet<(InstanceId, Text)> = records
             .iter()
             .map(|record| (record.owner, record.entry.name.clone()))
@@ -319,10 +339,10 @@ impl Program {
             .filter(|key| !kept.contains(key))
             .collect();
         for (owner, name) in gone {
-            self.directory.remove(owner, &name);
+            self.directory.remove(now, owner, &name);
         }
         for record in records {
-            self.directory.put_record(record);
+            self.directory.put_record(now, record);
         }
     }
 
@@ -363,6 +383,11 @@ impl Program {
         self.open = false;
         self.announced = false;
         self.link_timer = None;
+        let mut leaving: Vec<(u64, Text)> = self.leaving.drain().map(|(_, left)| left).collect();
+        leaving.sort_unstable();
+        for (ticket, name) in leaving {
+            self.has_left(ticket, name);
+        }
         let since = *self.lost_since.get_or_insert(now.mono);
         let mut fate: Vec<u64> = self
             .letters
@@ -479,13 +504,16 @@ impl Machine for Program {
 
     fn poll_timeout(&self) -> Option<Duration> {
         let deadline = self.deadlines.first().map(|(at, _)| *at);
-        [deadline, self.redial, self.link_timer]
+        let directory = self.directory.poll_timeout();
+        [deadline, self.redial, self.link_timer, directory]
             .into_iter()
             .flatten()
             .min()
     }
 
     fn handle_timeout(&mut self, now: Now) {
+        self.directory.handle_timeout(now);
+        self.publish_changes();
         while let Some((at, id)) = self.deadlines.first().copied() {
             if at > now.mono {
                 break;
@@ -557,6 +585,18 @@ impl Machine for Program {
         if self.open {
             let request = self.id();
             self.send(now, Frame::Detach { request, name });
+        }
+    }
+
+    fn leave(&mut self, now: Now, ticket: u64, name: &str) {
+        match self.agents.get_key_value(name) {
+            Some((name, _)) if self.open => {
+                let name = name.clone();
+                let request = self.id();
+                self.leaving.insert(request, (ticket, name.clone()));
+                self.send(now, Frame::Detach { request, name });
+            }
+            _ => self.has_left(ticket, Text::from(name)),
         }
     }
 

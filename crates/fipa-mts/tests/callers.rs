@@ -6,7 +6,7 @@ use fipa_acl::{AgentId, Envelope, FipaTime, Letter, Received, Representation, Sl
 use fipa_codec::{
     Dialect, Limits, Output as Encoded, bit_efficient, decode_letter, decode_payload,
 };
-use fipa_directory::{InstanceId, Now};
+use fipa_directory::{Entry, InstanceId, Location, MESSAGE_TRANSPORT, Now};
 use fipa_mts::{Config, ConnId, Connected, Ended, Machine, Mts, Notice, Output, Registration};
 use fipa_sim::{Network, NodeId, Sim, Then};
 
@@ -301,13 +301,24 @@ fn unfinished_letters_are_bounded_together() {
 fn a_stamp_with_our_name_is_no_circle_unless_it_is_ours() {
     let mut sim = Sim::new(1);
     let (here, robot) = here_and_robot(&mut sim);
-    sim.register(here, "b");
+    let elsewhere = Location {
+        address: Text::from("tcp://robot:9999"),
+        signature: Text::from_static(MESSAGE_TRANSPORT),
+    };
+    sim.announce(
+        robot,
+        &Entry {
+            locations: vec![elsewhere],
+            ..Entry::new("b")
+        },
+    );
     let theirs = ("here", "1:20261122-07:05:27:563739");
     write(&mut sim, robot, here, letter(&["b"], Some(theirs), "fine"));
+    assert_eq!(sim.robot_letters(robot).len(), 1);
     let own = format!("{}:1", sim.instance_of(here));
     let ours = ("here", own.as_str());
     write(&mut sim, robot, here, letter(&["b"], Some(ours), "circle"));
-    assert_eq!(sim.contents(here, "b"), ["fine"]);
+    assert_eq!(sim.robot_letters(robot).len(), 1);
     let lost = lost(&sim, here);
     assert!(
         lost.len() == 1 && lost[0].contains("came back to here"),

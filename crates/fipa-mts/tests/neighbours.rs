@@ -126,6 +126,7 @@ fn a_stranger_with_a_name_that_is_registered_here_is_a_conflict_and_changes_noth
         if !registered_first {
             sim.register(here, "a");
         }
+        sim.run_for(secs(2));
         assert_eq!(changes(&sim, here, ChangeKind::Conflict, "a"), 1);
         assert_eq!(count(&sim, here, "a"), 2);
         let record = sim.directory(here).find("a").unwrap();

@@ -230,7 +230,8 @@ fn an_agent_that_is_detached_is_gone_and_its_name_is_free() {
         assert_eq!(sim.names(node), ["q"]);
     }
     let ticket = sim.send(q, "q", &["p"], "");
-    sim.run_for(millis(100));
+    // It might have been on its way to another place.
+    sim.run_for(millis(1000));
     assert_eq!(outcome(&sim, q, ticket), Outcome::Unknown);
     let other = sim.program("other", two);
     let ticket = sim.register(other, "p");

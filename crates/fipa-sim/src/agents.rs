@@ -30,6 +30,12 @@ impl Sim {
         self.with(node, |machine, now| machine.deregister(now, name));
     }
 
+    /// Takes an agent away and takes its mail out.
+    pub fn leave(&mut self, node: NodeId, name: &str) {
+        let ticket = self.ticket();
+        self.with(node, |machine, now| machine.leave(now, ticket, name));
+    }
+
     /// Sends a letter; the ticket of its outcome.
     pub fn send(&mut self, node: NodeId, from: &str, to: &[&str], content: &str) -> u64 {
         self.send_within(node, from, to, content, TIMEOUT)
@@ -149,6 +155,10 @@ impl Sim {
             }
             Output::Notice(notice) => telling.collected.notices.push((at, notice)),
             Output::Directory(change) => telling.collected.changes.push((at, change)),
+            Output::Left { name, letters, .. } => {
+                let mail = telling.collected.mail.entry(name);
+                mail.or_default().extend(letters);
+            }
             Output::Mail(name) if telling.reading => self.read_mail(node, &name),
             _ => {}
         }

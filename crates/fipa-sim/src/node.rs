@@ -43,6 +43,8 @@ pub struct Collected {
     pub verified: Vec<Announced>,
     /// Dials that were asked for, with their times.
     pub dials: Vec<(Duration, Vec<Address>)>,
+    /// Octets that were written to streams.
+    pub octets: u64,
 }
 
 /// What runs on a node.

@@ -117,6 +117,23 @@ impl Sim {
         self.settle(node);
     }
 
+    /// Tells a daemon where it is reached from now on, and lets it listen there.
+    pub fn set_endpoints(&mut self, node: NodeId, endpoints: Vec<Address>) {
+        let moved = &mut self.nodes[node.0];
+        self.addresses
+            .retain(|_, (there, control)| *there != node || *control);
+        moved.listening.retain(|(_, control)| *control);
+        for address in &endpoints {
+            moved.listening.push((address.clone(), false));
+            self.addresses.insert(address.clone(), (node, false));
+        }
+        let now = self.now;
+        if let Running::Daemon(mts) = &mut moved.running {
+            mts.set_endpoints(now, endpoints);
+        }
+        self.settle(node);
+    }
+
     /// mDNS: every daemon finds every other that it can reach.
     pub fn discover_all(&mut self) {
         for node in 0..self.nodes.len() {

@@ -123,6 +123,14 @@ impl Machine for Robot {
 
     fn deregister(&mut self, _now: Now, _name: &str) {}
 
+    fn leave(&mut self, _now: Now, ticket: u64, name: &str) {
+        self.outputs.push_back(Output::Left {
+            ticket,
+            name: Text::from(name),
+            letters: Vec::new(),
+        });
+    }
+
     fn submit(&mut self, _now: Now, submission: Submission) {
         let (ticket, outcomes) = (submission.ticket, Vec::new());
         self.outputs.push_back(Output::Outcome { ticket, outcomes });

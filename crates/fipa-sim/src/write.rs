@@ -69,6 +69,7 @@ impl Sim {
                 open.ends[side].outbox.push_front(rest);
             }
             open.ends[1 - side].taken += part.len();
+            self.nodes[node.0].collected.octets += part.len() as u64;
             arrivals.push(open.put(written, 1 - side, Item::Octets(part)));
         }
         self.arrivals(stream, 1 - side, arrivals);

@@ -14,7 +14,8 @@ use crate::{ReceiveError, RequestError, sending};
 /// How long the outcome of a letter is waited for unless another time is given.
 pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// An agent that is registered at a platform; dropping it deregisters it.
+/// An agent that is registered at a platform; dropping it deregisters it, and drops what it has not
+/// received. [`leave`](Agent::leave) loses nothing.
 ///
 /// All methods take `&self`, so that an agent can be shared between tasks. What
 /// [`request`](Agent::request) waits for does not reach [`receive`](Agent::receive).
@@ -33,13 +34,35 @@ struct Inbox {
     expected: Vec<Expected>,
 }
 
-/// A letter that came, and what its payload says.
-type Incoming = (Letter, Result<Message, String>);
+/// A letter that came, and what its payload says or why that cannot be read.
+pub type Incoming = (Letter, Result<Message, String>);
 
 /// An answer that somebody waits for.
 struct Expected {
     reply_with: Expression,
     answer: oneshot::Sender<Message>,
+}
+
+impl Inbox {
+    /// Takes a letter in: an answer for whoever waits for it, anything else for `receive`.
+    fn sort(&mut self, letter: Letter) {
+        let message = read(&letter);
+        self.expected
+            .retain(|expected| !expected.answer.is_closed());
+        let waiting = message.as_ref().ok().and_then(|message| {
+            let tag = message.in_reply_to.as_ref()?;
+            self.expected.iter().position(|e| e.reply_with == *tag)
+        });
+        match (waiting, message) {
+            (Some(at), Ok(message)) => {
+                let expected = self.expected.swap_remove(at);
+                if let Err(message) = expected.answer.send(message) {
+                    self.messages.push_back((letter, Ok(message)));
+                }
+            }
+            (_, message) => self.messages.push_back((letter, message)),
+        }
+    }
 }
 
 impl Agent {
@@ -96,7 +119,7 @@ impl Agent {
     }
 
     /// The next letter, with its message or the reason why that cannot be read. Cancel-safe.
-    pub async fn receive_letter(&self) -> Result<(Letter, Result<Message, String>), ReceiveError> {
+    pub async fn receive_letter(&self) -> Result<Incoming, ReceiveError> {
         loop {
             // Asked for before looking, so that no notice falls between.
             let notified = self.mail.notified();
@@ -113,8 +136,35 @@ impl Agent {
     }
 
     /// The next message if one is there.
-    pub fn try_receive(&self) -> Option<(Letter, Result<Message, String>)> {
+    pub fn try_receive(&self) -> Option<Incoming> {
         self.sort_mail().messages.pop_front()
+    }
+
+    /// Deregisters the agent and hands over what was delivered to it and not received yet, the
+    /// oldest first: nothing of that is lost, as it is when the agent is dropped.
+    ///
+    /// So an agent moves to another platform under its name: it leaves the one and registers at the
+    /// other, in this order or the other way round. Letters under way follow it if it is registered
+    /// there within a second, not always in the order in which they were sent; the senders of those
+    /// that come later are told that it is unknown.
+    ///
+    /// When the future is dropped, the agent has left all the same and its letters are lost.
+    pub async fn leave(self) -> Vec<Incoming> {
+        self.disown();
+        let name = &self.name;
+        let left = self.platform.backend.with(|now, machine, hub| {
+            let (ticket, left) = hub.expect_leave();
+            machine.leave(now, ticket, name);
+            left
+        });
+        // A platform that has ended has nothing more.
+        let letters = left.await.unwrap_or_default();
+        self.platform
+            .backend
+            .with(|_, _, hub| hub.forget_mail(name));
+        let mut inbox = self.lock();
+        letters.into_iter().for_each(|letter| inbox.sort(letter));
+        std::mem::take(&mut inbox.messages).into()
     }
 
     /// Sends a message to one agent and waits for its answer until the deadline.
@@ -196,23 +246,7 @@ impl Agent {
         let name = &self.name;
         let take = || self.platform.backend.with(|_, m, _| m.take_mail(name));
         while let Some(letter) = take() {
-            let message = read(&letter);
-            inbox
-                .expected
-                .retain(|expected| !expected.answer.is_closed());
-            let waiting = message.as_ref().ok().and_then(|message| {
-                let tag = message.in_reply_to.as_ref()?;
-                inbox.expected.iter().position(|e| e.reply_with == *tag)
-            });
-            match (waiting, message) {
-                (Some(at), Ok(message)) => {
-                    let expected = inbox.expected.swap_remove(at);
-                    if let Err(message) = expected.answer.send(message) {
-                        inbox.messages.push_back((letter, Ok(message)));
-                    }
-                }
-                (_, message) => inbox.messages.push_back((letter, message)),
-            }
+            inbox.sort(letter);
         }
         inbox
     }

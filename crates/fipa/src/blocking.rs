@@ -23,7 +23,7 @@ use fipa_directory::{PatternError, Record};
 use fipa_link::ReceiverOutcome;
 use tokio::runtime::Runtime;
 
-use crate::{Error, PlatformBuilder, ReceiveError, RequestError};
+use crate::{Error, Incoming, PlatformBuilder, ReceiveError, RequestError};
 
 /// A [`Platform`](crate::Platform) with a thread of its own.
 #[derive(Clone)]
@@ -70,6 +70,13 @@ impl Platform {
     /// The agents whose name matches all of a regular expression, by name.
     pub fn search(&self, pattern: &str) -> Result<Vec<Record>, PatternError> {
         self.platform.search(pattern)
+    }
+
+    /// The agents that are gone and whose name matches all of a regular expression, by name
+    /// ([`search_gone`](crate::Platform::search_gone)).
+    pub fn search_gone(&self, pattern: &str) -> Result<Vec<Record>, PatternError> {
+        self.platform
+            .search_gone(pattern, fipa_directory::Field::Name)
     }
 
     /// Waits until an agent of exactly this name is known; `None` when the time is over.
@@ -121,6 +128,12 @@ impl Agent {
                 Err(reason) => tracing::warn!("{}: unreadable letter: {reason}", self.name()),
             }
         }
+    }
+
+    /// Deregisters the agent and hands over what it has not received yet
+    /// ([`leave`](crate::Agent::leave)).
+    pub fn leave(self) -> Vec<Incoming> {
+        self.runtime.block_on(self.agent.leave())
     }
 
     /// Sends a message to one agent and waits for its answer until the deadline.

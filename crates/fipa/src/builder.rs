@@ -1,4 +1,4 @@
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use fipa_acl::Text;
@@ -7,6 +7,7 @@ use fipa_dsd::{InterfaceSelector, MDNS_PORT, MdnsConfig};
 use fipa_mts::{Config, Mts};
 use fipa_transport::Listener;
 
+use crate::addresses::{self, reached_at, socket_address};
 use crate::backend::Backend;
 use crate::clock::Clock;
 use crate::discovery::{self, Discovery};
@@ -133,7 +134,7 @@ impl PlatformBuilder {
 
         let mut config = Config::new(instance, name);
         config.scope = Text::from(self.scope.as_str());
-        config.endpoints = endpoints.clone();
+        config.endpoints = endpoints;
         if let Some(max) = self.max_letter {
             config.max_letter = max;
             config.limits.max_octets = max;
@@ -147,13 +148,16 @@ impl PlatformBuilder {
         if let Some(listener) = control {
             tasks.push(tokio::spawn(node.clone().accept_from(listener, true)));
         }
+        if self.advertise.is_empty() {
+            tasks.push(tokio::spawn(addresses::follow(node.clone(), bound)));
+        }
         for peer in &self.peers {
             let address = peer.parse()?;
             node.with(|now, mts, _| mts.add_peer(now, address));
         }
         let discovery = discovery.map(|found| discovery::run(&node, found, lock));
         let backend = Backend::Service(node);
-        Ok(Platform::new(backend, clock, endpoints, tasks, discovery))
+        Ok(Platform::new(backend, clock, tasks, discovery))
     }
 
     async fn bind(&self) -> Result<Vec<Listener>, Error> {
@@ -192,15 +196,7 @@ impl PlatformBuilder {
             let parse = |address: &String| Ok(address.parse()?);
             return self.advertise.iter().map(parse).collect();
         }
-        let mut endpoints = Vec::new();
-        for address in bound {
-            for address in concrete(address) {
-                if !endpoints.contains(&address) {
-                    endpoints.push(address);
-                }
-            }
-        }
-        Ok(endpoints)
+        Ok(reached_at(bound))
     }
 
     /// Settles the name, and begins to speak mDNS.
@@ -252,32 +248,4 @@ impl PlatformBuilder {
         })?;
         Ok(Some(discovery))
     }
-}
-
-fn socket_address(address: &Address) -> Option<SocketAddr> {
-    match address {
-        Address::Tcp { host, port } => Some(SocketAddr::new(host.parse().ok()?, *port)),
-        Address::Unix(_) => None,
-    }
-}
-
-/// The addresses at which a bound endpoint is reached.
-fn concrete(address: &Address) -> Vec<Address> {
-    let Some(bound) = socket_address(address).filter(|bound| bound.ip().is_unspecified()) else {
-        return vec![address.clone()];
-    };
-    let mut found: Vec<IpAddr> = match if_addrs::get_if_addrs() {
-        Ok(interfaces) => interfaces.iter().map(if_addrs::Interface::ip).collect(),
-        Err(_) => Vec::new(),
-    };
-    // An IPv6 link-local address means something only together with an interface of the reader.
-    found.retain(|ip| match ip {
-        IpAddr::V4(_) => bound.is_ipv4(),
-        IpAddr::V6(ip) => bound.is_ipv6() && !ip.is_unicast_link_local(),
-    });
-    found.sort_by_key(IpAddr::is_loopback);
-    found
-        .into_iter()
-        .map(|ip| Address::tcp(ip.to_string(), bound.port()))
-        .collect()
 }

@@ -33,6 +33,7 @@
 //! # tokio::runtime::Runtime::new().unwrap().block_on(example()).unwrap();
 //! ```
 
+mod addresses;
 mod agent;
 mod backend;
 pub mod blocking;
@@ -46,7 +47,7 @@ mod node;
 mod platform;
 mod sending;
 
-pub use agent::{Agent, DEFAULT_TIMEOUT};
+pub use agent::{Agent, DEFAULT_TIMEOUT, Incoming};
 pub use builder::PlatformBuilder;
 pub use control_path::default_control_path;
 pub use error::{Error, ReceiveError, RequestError};

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
-use fipa_acl::Text;
+use fipa_acl::{Letter, Text};
 use fipa_directory::{Address, Change, Now};
 use fipa_link::ReceiverOutcome;
 use fipa_mts::{
@@ -40,6 +40,7 @@ pub(crate) struct Hub {
     next_ticket: u64,
     outcomes: HashMap<u64, oneshot::Sender<Vec<ReceiverOutcome>>>,
     registrations: HashMap<u64, oneshot::Sender<Result<(), RegisterError>>>,
+    leaves: HashMap<u64, oneshot::Sender<Vec<Letter>>>,
     mail: HashMap<Text, Arc<Notify>>,
     changes: Vec<mpsc::UnboundedSender<Change>>,
     notices: Vec<mpsc::UnboundedSender<Notice>>,
@@ -63,6 +64,14 @@ impl Hub {
         let (sender, receiver) = oneshot::channel();
         self.next_ticket += 1;
         self.registrations.insert(self.next_ticket, sender);
+        (self.next_ticket, receiver)
+    }
+
+    /// A ticket for an agent's leave, and where what waits for it will come.
+    pub(crate) fn expect_leave(&mut self) -> (u64, oneshot::Receiver<Vec<Letter>>) {
+        let (sender, receiver) = oneshot::channel();
+        self.next_ticket += 1;
+        self.leaves.insert(self.next_ticket, sender);
         (self.next_ticket, receiver)
     }
 
@@ -98,6 +107,7 @@ impl Hub {
         self.ended = true;
         self.outcomes.clear();
         self.registrations.clear();
+        self.leaves.clear();
         self.changes.clear();
         self.notices.clear();
         self.mail
@@ -267,6 +277,13 @@ fn tell(hub: &mut Hub, output: Output) {
         Output::Registered { ticket, result } => {
             if let Some(waiter) = hub.registrations.remove(&ticket) {
                 let _ = waiter.send(result);
+            }
+        }
+        Output::Left {
+            ticket, letters, ..
+        } => {
+            if let Some(waiter) = hub.leaves.remove(&ticket) {
+                let _ = waiter.send(letters);
             }
         }
         Output::Mail(name) => {

@@ -43,7 +43,6 @@ pub struct Platform {
 pub(crate) struct Inner {
     pub(crate) backend: Backend,
     pub(crate) clock: Clock,
-    endpoints: Vec<Address>,
     tasks: std::sync::Mutex<Vec<JoinHandle<()>>>,
     goodbye: std::sync::Mutex<Option<tokio::sync::oneshot::Sender<()>>>,
     discovery: std::sync::Mutex<Option<JoinHandle<()>>>,
@@ -101,7 +100,6 @@ impl Platform {
             Backend::Program(node),
             clock,
             Vec::new(),
-            Vec::new(),
             None,
         ))
     }
@@ -109,7 +107,6 @@ impl Platform {
     pub(crate) fn new(
         backend: Backend,
         clock: Clock,
-        endpoints: Vec<Address>,
         tasks: Vec<JoinHandle<()>>,
         discovery: Option<(tokio::sync::oneshot::Sender<()>, JoinHandle<()>)>,
     ) -> Platform {
@@ -118,7 +115,6 @@ impl Platform {
             inner: Arc::new(Inner {
                 backend,
                 clock,
-                endpoints,
                 tasks: std::sync::Mutex::new(tasks),
                 goodbye: std::sync::Mutex::new(goodbye),
                 discovery: std::sync::Mutex::new(discovery),
@@ -133,9 +129,13 @@ impl Platform {
             .with(|_, machine, _| machine.service_name())
     }
 
-    /// Where other platforms reach this one; empty for an attached one.
-    pub fn endpoints(&self) -> &[Address] {
-        &self.inner.endpoints
+    /// Where other platforms reach this one now; empty for an attached one. One that listens on
+    /// every address of the machine follows what becomes of those.
+    pub fn endpoints(&self) -> Vec<Address> {
+        match &self.inner.backend {
+            Backend::Service(node) => node.with(|_, mts, _| mts.config().endpoints.clone()),
+            Backend::Program(_) => Vec::new(),
+        }
     }
 
     /// Registers an agent under this name.
@@ -192,6 +192,20 @@ impl Platform {
         let mut found: Vec<Record> = self.inner.backend.with(|_, machine, _| {
             let directory = machine.directory();
             directory.search(&pattern, field).cloned().collect()
+        });
+        found.sort_by(|a, b| a.entry.name.cmp(&b.entry.name));
+        Ok(found)
+    }
+
+    /// The agents that are gone and of which a field matches all of a regular expression, by name:
+    /// those that went within the last 24 hours, a thousand at most. The
+    /// [`since`](Record::since) of each is when it went.
+    pub fn search_gone(&self, pattern: &str, field: Field) -> Result<Vec<Record>, PatternError> {
+        let pattern = Pattern::new(pattern)?;
+        let mut found: Vec<Record> = self.inner.backend.with(|now, machine, _| {
+            let gone = machine.directory().tombstones(now);
+            let found = gone.filter(|record| pattern.matches_field(record, field));
+            found.cloned().collect()
         });
         found.sort_by(|a, b| a.entry.name.cmp(&b.entry.name));
         Ok(found)

@@ -1,6 +1,6 @@
 //! `fipa agents`: who is known.
 
-use fipa::{Change, ChangeKind, Field, Now, Platform, Record};
+use fipa::{Change, ChangeKind, Field, Now, Platform, Record, State};
 use fipa_json::record_to_json;
 use serde_json::json;
 
@@ -16,6 +16,9 @@ pub struct Args {
     /// The field to look at
     #[arg(long, value_enum, default_value = "name")]
     field: FieldName,
+    /// List those as well that went within the last 24 hours
+    #[arg(long)]
+    gone: bool,
     /// Tell what changes until interrupted; begins with what is there
     #[arg(long)]
     watch: bool,
@@ -72,9 +75,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 fn search(args: &Args, platform: &Platform) -> Result<Vec<Record>, Failure> {
-    platform
-        .search_field(&args.pattern, args.field.into())
-        .map_err(Failure::malformed)
+    let field = args.field.into();
+    let mut found = platform
+        .search_field(&args.pattern, field)
+        .map_err(Failure::malformed)?;
+    if args.gone {
+        let gone = platform.search_gone(&args.pattern, field);
+        found.extend(gone.map_err(Failure::malformed)?);
+        found.sort_by(|a, b| a.entry.name.cmp(&b.entry.name));
+    }
+    Ok(found)
 }
 
 async fn watch(
@@ -85,7 +95,11 @@ async fn watch(
     let pattern = fipa::Pattern::new(&args.pattern).map_err(Failure::malformed)?;
     let mut changes = platform.watch();
     for record in search(args, platform)? {
-        tell(args, platform, "added", &record)?;
+        let event = match record.state {
+            State::Gone => "removed",
+            _ => "added",
+        };
+        tell(args, platform, event, &record)?;
     }
     tokio::pin!(interrupted);
     loop {

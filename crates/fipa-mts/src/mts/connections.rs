@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_acl::Text;
-use fipa_directory::{Address, Entry, InstanceId, Now};
+use fipa_directory::{Address, InstanceId, Now};
 use fipa_link::{Event, Frame, Hello, Link, LinkConfig, Role};
 
 use super::dialling::Purpose;
+use super::sync::Unfinished;
 use super::{Mts, Timer};
 use crate::machine::{ConnId, Connected, Notice, Output};
 
@@ -20,6 +21,9 @@ pub(super) const DUPLICATE: &str = "there is another link between us";
 
 /// The answer to [`DUPLICATE`] of a service that does not have the other link, or not any more.
 pub(super) const ONLY: &str = "this is the only link between us";
+
+/// The goodbye to a service of another fleet.
+pub(super) const SCOPE: &str = "another scope";
 
 /// The goodbye of a service that was called by itself.
 const MYSELF: &str = "this is the service itself";
@@ -47,8 +51,8 @@ pub(super) struct Conn {
     /// We have said that it is the only link while another one was being greeted, which the partner
     /// may have already.
     pub(super) claimed: bool,
-    /// The entries of a snapshot of which parts are missing.
-    pub(super) snapshot: Option<Vec<Entry>>,
+    /// A part of the partner's directory that is not whole yet.
+    pub(super) unfinished: Option<Unfinished>,
     /// An [`Output::Transmit`] is under way.
     announced: bool,
     /// Why we have closed it, while the rest is written.
@@ -136,7 +140,7 @@ impl Mts {
                 outstanding: BTreeSet::new(),
                 retired: false,
                 claimed: false,
-                snapshot: None,
+                unfinished: None,
                 announced: false,
                 parted: None,
                 timer,
@@ -239,16 +243,19 @@ impl Mts {
                     Some(address) => address.to_text(),
                     None => Text::from_static("a caller"),
                 };
-                let reason_text = Text::from(reason);
-                self.notice(Notice::LinkFailed {
-                    with,
-                    reason: reason_text,
-                });
+                // An address is dialled again and again: what is known of it is not told anew.
+                if closed
+                    .purpose
+                    .is_none_or(|p| self.dial_error(p) != Some(reason))
+                {
+                    let reason = Text::from(reason);
+                    self.notice(Notice::LinkFailed { with, reason });
+                }
                 if let Some(purpose) = closed.purpose {
                     self.dial_ended(now, purpose, reason);
                 }
             }
-            Partner::Program { .. } => self.program_ended(now, conn),
+            Partner::Program { .. } => self.program_ended(now, conn, closed.outstanding),
             Partner::Daemon { instance, .. } => {
                 self.peer_conn_ended(now, instance, conn, closed.outstanding, reason);
             }
@@ -271,7 +278,7 @@ impl Mts {
     }
 
     fn hello(&self, now: Now, same_host: bool) -> Hello {
-        let told = |address: &&Address| same_host || !address.is_loopback();
+        let told = |address: &&Address| same_host || address.is_for_others();
         Hello {
             version: Hello::VERSION,
             role: Role::Daemon,
@@ -294,8 +301,8 @@ impl Mts {
         match event {
             Event::Opened(hello) => self.on_hello(now, conn, hello),
             Event::Frame(frame) => self.on_frame(now, conn, frame),
-            Event::Silent => self.peer_silent(conn, true),
-            Event::Heard => self.peer_silent(conn, false),
+            Event::Silent => self.peer_silent(now, conn, true),
+            Event::Heard => self.peer_silent(now, conn, false),
         }
     }
 
@@ -320,7 +327,7 @@ impl Mts {
                 self.part(now, conn, MYSELF);
             }
             Role::Daemon if hello.scope != self.config.scope => {
-                self.part(now, conn, "another scope");
+                self.part(now, conn, SCOPE);
             }
             Role::Daemon => {
                 open.partner = Partner::Daemon {
@@ -362,6 +369,10 @@ impl Mts {
             (Frame::Directory(directory), Partner::Daemon { instance, .. }) => {
                 let instance = *instance;
                 self.peer_directory(now, conn, instance, directory);
+            }
+            (Frame::Platforms(platforms), Partner::Daemon { instance, .. }) => {
+                let instance = *instance;
+                self.hear_platforms(now, conn, instance, platforms);
             }
             (Frame::Watch, Partner::Program { watch, .. }) => {
                 *watch = true;

@@ -49,7 +49,7 @@ pub(super) struct Delivery {
     pub(super) target: Target,
     /// The connection it went out on; `None` while it waits.
     sent: Option<ConnId>,
-    parts: Vec<Bytes>,
+    pub(super) parts: Vec<Bytes>,
     /// What is needed where it may go to a service of another make.
     pub(super) foreign: Option<Box<Foreign>>,
     deadline: Duration,
@@ -66,11 +66,24 @@ pub(super) enum Target {
     Seed(u64),
     /// A service of another make.
     Post,
+    /// Nowhere yet: the receiver is on the move.
+    Held,
 }
 
 impl Delivery {
     pub(super) fn octets(&self) -> usize {
         self.parts.iter().map(Bytes::len).sum()
+    }
+
+    /// Whether it has gone out, so that somebody may have it.
+    pub(super) fn was_written(&self) -> bool {
+        self.via.is_some()
+    }
+
+    /// Makes it a copy that nobody has.
+    pub(super) fn take_back(&mut self) {
+        self.sent = None;
+        self.via = None;
     }
 }
 
@@ -251,6 +264,7 @@ impl Mts {
             Target::Peer(instance) => self.queue_for_peer(now, instance, id, octets),
             Target::Seed(seed) => self.queue_for_seed(now, seed, id),
             Target::Post => self.post(now, id),
+            Target::Held => self.hold(now, id),
         }
     }
 
@@ -303,11 +317,20 @@ impl Mts {
         id: u64,
         outcomes: Vec<ReceiverOutcome>,
     ) {
-        let sent_here = self
-            .deliveries
-            .get(&id)
-            .is_some_and(|delivery| delivery.sent == Some(conn));
-        if sent_here {
+        let delivery = self.deliveries.get(&id);
+        let delivery = delivery.filter(|delivery| delivery.sent == Some(conn));
+        let has_left = |told: &ReceiverOutcome| {
+            told.outcome == Outcome::Unknown
+                && delivery.is_some_and(|delivery| delivery.target == Target::Program(conn))
+                && !self.holds(conn, &told.to)
+        };
+        if outcomes.iter().any(has_left) {
+            // The letter and the agent's leave have crossed.
+            self.receipted(now, conn, id);
+            self.reroute(now, id);
+            return;
+        }
+        if delivery.is_some() {
             // A copy has one receiver; more come only from one whose name is a pattern elsewhere.
             let worst = outcomes.iter().find(|o| !o.outcome.is_success());
             match worst.or(outcomes.first()) {
@@ -319,6 +342,14 @@ impl Mts {
             }
         }
         self.receipted(now, conn, id);
+    }
+
+    /// The receiver of a copy, and the octets of the copy.
+    pub(super) fn receiver_of(&self, id: u64) -> Option<(Text, usize)> {
+        let delivery = self.deliveries.get(&id)?;
+        let pending = self.pending.get(&delivery.pending)?;
+        let name = pending.receivers.get(delivery.slot)?;
+        Some((name.clone(), delivery.octets()))
     }
 
     /// A connection owes no receipt for this letter any more.
@@ -376,6 +407,7 @@ impl Mts {
             }
             (Target::Seed(seed), _) => self.seed_error(seed),
             (Target::Post, _) => self.post_lateness(id),
+            (Target::Held, _) => "the agent has gone, and has not turned up elsewhere".to_owned(),
         };
         let under_way = sent.is_some() || self.is_being_posted(id);
         if delivery.expires && !under_way {

@@ -2,14 +2,21 @@
 
 use std::time::Duration;
 
-use fipa_directory::{Address, InstanceId, Now};
+use fipa_directory::{Address, InstanceId, Now, State};
 
+use super::connections::SCOPE;
 use super::{Mts, Timer};
 use crate::machine::{DialId, Output};
 
 /// The pause before the second dial; each further one is twice as long, up to the longest.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 const LONGEST_PAUSE: Duration = Duration::from_secs(2);
+
+/// The longest pause where nobody waits: for a platform that is only looked out for.
+const LOOKOUT_PAUSE: Duration = Duration::from_secs(30);
+
+/// The longest pause before a platform that does not want us, as it is of another fleet.
+const UNWANTED_PAUSE: Duration = Duration::from_secs(60);
 
 /// What a dial is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,7 +42,7 @@ impl Dialling {
 
 impl Mts {
     pub(super) fn dial_peer(&mut self, now: Now, instance: InstanceId) {
-        let Some(peer) = self.peers.get_mut(&instance) else {
+        let Some(peer) = self.peers.get_mut(instance) else {
             return;
         };
         let addresses = peer.addresses();
@@ -52,7 +59,7 @@ impl Mts {
 
     pub(super) fn dial_peer_later(&mut self, now: Now, instance: InstanceId, pause: Duration) {
         let at = now.mono + pause;
-        if let Some(peer) = self.peers.get_mut(&instance)
+        if let Some(peer) = self.peers.get_mut(instance)
             && peer.dialling.is_idle()
         {
             peer.dialling.again = Some(at);
@@ -66,12 +73,21 @@ impl Mts {
         self.outputs.push_back(Output::Dial { dial, addresses });
     }
 
+    /// Why the last dial for this led to nobody.
+    pub(super) fn dial_error(&self, purpose: Purpose) -> Option<&str> {
+        match purpose {
+            Purpose::Peer(instance) => Some(&self.peers.get(instance)?.last_error),
+            Purpose::Seed(seed) => Some(&self.seeds.get(seed)?.last_error),
+        }
+    }
+
     /// A dial led to nobody.
     pub(super) fn dial_ended(&mut self, now: Now, purpose: Purpose, reason: &str) {
         let random = self.random.f64();
+        let mut longest = LONGEST_PAUSE;
         let dialling = match purpose {
             Purpose::Peer(instance) => {
-                let Some(peer) = self.peers.get_mut(&instance) else {
+                let Some(peer) = self.peers.get_mut(instance) else {
                     return;
                 };
                 peer.last_error = reason.to_owned();
@@ -79,10 +95,13 @@ impl Mts {
                 if !peer.links.is_empty() {
                     return;
                 }
+                if peer.discovered.is_none() && peer.state != State::Suspect {
+                    longest = LOOKOUT_PAUSE;
+                }
                 &mut peer.dialling
             }
             Purpose::Seed(seed) => {
-                let Some(seed) = self.seeds.get_mut(&seed) else {
+                let Some(seed) = self.seeds.get_mut(seed) else {
                     return;
                 };
                 seed.last_error = reason.to_owned();
@@ -93,7 +112,10 @@ impl Mts {
                 &mut seed.dialling
             }
         };
-        let at = now.mono + pause(dialling.attempts, random);
+        if reason == SCOPE {
+            longest = UNWANTED_PAUSE;
+        }
+        let at = now.mono + pause(dialling.attempts, longest, random);
         dialling.attempts += 1;
         dialling.again = Some(at);
         match purpose {
@@ -103,9 +125,9 @@ impl Mts {
     }
 }
 
-/// 100 ms, 200 ms, … 2 s; each half to all of that, at random, so that a fleet does not dial in
-/// step.
-fn pause(attempts: u32, random: f64) -> Duration {
-    let whole = FIRST_PAUSE * 2_u32.pow(attempts.min(8));
-    whole.min(LONGEST_PAUSE).mul_f64(0.5 + random / 2.0)
+/// 100 ms, 200 ms, … up to the longest; each half to all of that, at random, so that a fleet does
+/// not dial in step.
+fn pause(attempts: u32, longest: Duration, random: f64) -> Duration {
+    let whole = FIRST_PAUSE * 2_u32.pow(attempts.min(10));
+    whole.min(longest).mul_f64(0.5 + random / 2.0)
 }

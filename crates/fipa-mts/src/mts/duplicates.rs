@@ -15,7 +15,7 @@ impl Mts {
         if self.config.instance > instance {
             return;
         }
-        let links = match self.peers.get(&instance) {
+        let links = match self.peers.get(instance) {
             Some(peer) => peer.links.clone(),
             None => return,
         };
@@ -51,7 +51,7 @@ impl Mts {
         };
         let in_use = |link: &ConnId| self.conns.get(link).is_some_and(|open| !open.retired);
         self.peers
-            .get(instance)
+            .get(*instance)
             .is_some_and(|peer| !peer.links.iter().any(|link| *link != conn && in_use(link)))
     }
 
@@ -65,7 +65,7 @@ impl Mts {
         let Partner::Daemon { instance, .. } = open.partner else {
             return;
         };
-        let links = match self.peers.get(&instance) {
+        let links = match self.peers.get(instance) {
             Some(peer) => peer.links.clone(),
             None => return,
         };

@@ -6,7 +6,10 @@ mod deliveries;
 mod dialects;
 mod dialling;
 mod duplicates;
+mod gossip;
+mod moves;
 mod neighbours;
+mod peer;
 mod peers;
 mod posting;
 mod programs;
@@ -23,25 +26,30 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
 use fipa_codec::{Output as Encoded, bit_efficient};
-use fipa_directory::{Address, Directory, InstanceId, Now};
+use fipa_directory::{Directory, InstanceId, Now};
 use fipa_link::Outcome;
 
 use self::callers::Caller;
 use self::connections::Conn;
 use self::deliveries::{Delivery, Origin, Pending};
 use self::dialling::Purpose;
+use self::gossip::Gossip;
+use self::moves::Held;
 use self::neighbours::Neighbour;
-use self::peers::Peer;
+use self::peer::Peers;
 use self::posting::Post;
 use self::programs::Local;
 use self::routing::{Inbound, Terms};
-use self::seeds::Seed;
+use self::seeds::Seeds;
 use self::seen::Seen;
 use crate::machine::{
     ConnId, Connected, DialId, Ended, Machine, Notice, Output, REPLY_BY, RegisterError,
     Registration, Submission,
 };
 use crate::{Config, Mailbox};
+
+/// Octets of name, type and description of an agent together, at most.
+const MAX_ENTRY: usize = 64 << 10;
 
 /// A message transport service: routes letters between its agents, attached programs and peers.
 #[derive(Debug)]
@@ -55,10 +63,11 @@ pub struct Mts {
     callers: BTreeMap<ConnId, Caller>,
     /// Octets of unfinished letters of all callers.
     caller_octets: usize,
-    peers: BTreeMap<InstanceId, Peer>,
+    peers: Peers,
+    gossip: Gossip,
     /// What each peer has sent; kept while one that is gone may still come back and send it again.
     seen: HashMap<InstanceId, Seen>,
-    seeds: BTreeMap<u64, Seed>,
+    seeds: Seeds,
     /// Agents of other makes, by name.
     neighbours: HashMap<Text, Neighbour>,
     post: Post,
@@ -68,6 +77,7 @@ pub struct Mts {
     pending: HashMap<u64, Pending>,
     /// Copies of letters on their way to one receiver each.
     deliveries: HashMap<u64, Delivery>,
+    held: Held,
     timers: BTreeSet<(Duration, Timer)>,
     outputs: VecDeque<Output>,
     random: fastrand::Rng,
@@ -85,6 +95,8 @@ enum Timer {
     Peer(InstanceId),
     Seed(u64),
     Seen(InstanceId),
+    Held,
+    Gossip,
 }
 
 impl Mts {
@@ -96,15 +108,17 @@ impl Mts {
             conns: BTreeMap::new(),
             callers: BTreeMap::new(),
             caller_octets: 0,
-            peers: BTreeMap::new(),
+            peers: Peers::default(),
+            gossip: Gossip::default(),
             seen: HashMap::new(),
-            seeds: BTreeMap::new(),
+            seeds: Seeds::default(),
             neighbours: HashMap::new(),
             post: Post::default(),
             dials: HashMap::new(),
             locals: HashMap::new(),
             pending: HashMap::new(),
             deliveries: HashMap::new(),
+            held: Held::default(),
             timers: BTreeSet::new(),
             outputs: VecDeque::new(),
             random: fastrand::Rng::with_seed(config.seed),
@@ -118,11 +132,6 @@ impl Mts {
     /// What it was made with.
     pub fn config(&self) -> &Config {
         &self.config
-    }
-
-    /// Sets where others reach the service; to be called before agents are registered.
-    pub fn set_endpoints(&mut self, endpoints: Vec<Address>) {
-        self.config.endpoints = endpoints;
     }
 
     /// How many letters are on their way.
@@ -180,7 +189,8 @@ impl Machine for Mts {
     }
 
     fn poll_timeout(&self) -> Option<Duration> {
-        self.timers.first().map(|(at, _)| *at)
+        let first = self.timers.first().map(|(at, _)| *at);
+        first.into_iter().chain(self.directory.poll_timeout()).min()
     }
 
     fn handle_timeout(&mut self, now: Now) {
@@ -196,8 +206,11 @@ impl Machine for Mts {
                 Timer::Peer(instance) => self.peer_timeout(now, instance),
                 Timer::Seed(seed) => self.seed_timeout(now, seed),
                 Timer::Seen(instance) => self.seen_timeout(now, instance),
+                Timer::Held => self.held_timeout(now),
+                Timer::Gossip => self.gossip_timeout(now),
             }
         }
+        self.directory.handle_timeout(now);
         self.publish_changes(now);
     }
 
@@ -214,7 +227,12 @@ impl Machine for Mts {
     }
 
     fn deregister(&mut self, now: Now, name: &str) {
-        self.remove_local(name);
+        self.remove_local(now, name);
+        self.publish_changes(now);
+    }
+
+    fn leave(&mut self, now: Now, ticket: u64, name: &str) {
+        self.leave_local(now, ticket, name);
         self.publish_changes(now);
     }
 
@@ -302,6 +320,13 @@ impl Mts {
         if self.locals.contains_key(&name) {
             return Err(RegisterError::Held(name));
         }
+        let octets = name.len() + kind.len() + description.len();
+        if octets > MAX_ENTRY {
+            let reason = format!(
+                "name, type and description have {octets} octets together, {MAX_ENTRY} are allowed"
+            );
+            return Err(RegisterError::Refused(Text::from(reason)));
+        }
         let description = match description.is_empty() {
             true => Text::from(format!("Message client of {}", self.config.name)),
             false => description,
@@ -320,9 +345,9 @@ impl Mts {
         Ok(())
     }
 
-    fn remove_local(&mut self, name: &str) {
-        if self.locals.remove(name).is_some() {
-            self.directory.remove(self.config.instance, name);
-        }
+    fn remove_local(&mut self, now: Now, name: &str) -> Option<Local> {
+        let local = self.locals.remove(name)?;
+        self.directory.remove(now, self.config.instance, name);
+        Some(local)
     }
 }

@@ -56,7 +56,7 @@ impl Mts {
         if self.neighbours.remove(name).is_none() {
             return;
         }
-        self.directory.remove(owner_of(name), name);
+        self.directory.remove(now, owner_of(name), name);
         for id in self.waiting_for_neighbour(name) {
             let tried = self.post_failures(id);
             let reason = format!("{name} is gone: it is not announced any more{tried}");
@@ -73,17 +73,18 @@ impl Mts {
         let (owner, entry) = (owner_of(name), neighbour.entry.clone());
         let known = |record: &Record| record.owner != owner && is_same(&record.entry, &entry);
         if self.directory.find_all(name).iter().any(known) {
-            self.directory.remove(owner, name);
+            self.directory.remove(now, owner, name);
         } else {
             self.directory.put(now, owner, Source::Mdns, entry);
         }
     }
 
     /// A link brings this entry: the same agent is not known as a neighbour any more.
-    pub(super) fn make_way_for(&mut self, entry: &Entry) {
+    pub(super) fn make_way_for(&mut self, now: Now, entry: &Entry) {
         let neighbour = self.neighbours.get(&entry.name);
         if neighbour.is_some_and(|neighbour| is_same(&neighbour.entry, entry)) {
-            self.directory.remove(owner_of(&entry.name), &entry.name);
+            self.directory
+                .remove(now, owner_of(&entry.name), &entry.name);
         }
     }
 
@@ -110,7 +111,7 @@ impl Mts {
         let listens = |known: &[Address]| known.iter().any(|at| addresses.contains(at));
         let mut peers = self.peers.iter();
         let found = peers.find(|(_, peer)| !peer.links.is_empty() && listens(&peer.known));
-        found.map(|(instance, _)| *instance)
+        found.map(|(instance, _)| instance)
     }
 }
 

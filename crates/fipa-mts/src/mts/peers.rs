@@ -1,12 +1,16 @@
-//! Peers: found by mDNS, given as addresses, or calling us; dialled until they are there or gone.
+//! Peers: found by mDNS, given as addresses, told by others, or calling us; dialled until they are
+//! there or forgotten.
 //!
 //! ```text
-//!   discovered, seed, caller ──▶ dialling ──▶ linked ──(last link breaks)──▶ suspect, dialled at once
-//!                                  ▲ backoff    │ silent: suspect               │ back: alive
-//!                                  └────────────┴──── grace is over: gone ◀─────┘
+//!   discovered, told, seed, caller ──▶ dialling ──▶ linked ──(last link breaks)──▶ suspect, dialled at once
+//!                                        ▲ backoff    │ silent: suspect               │ back: alive
+//!                                        └────────────┴──── grace is over: gone ◀─────┘
 //! ```
+//!
+//! A link that has missed six heartbeats is given up, which is the end of a connection like any
+//! other: a way through a firewall may have been forgotten on it, and the peer be well.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use fipa_acl::Text;
@@ -14,7 +18,7 @@ use fipa_directory::{Address, InstanceId, Now, Source, State};
 use fipa_link::{Frame, Hello, Outcome};
 
 use super::connections::{ONLY, Partner};
-use super::deliveries::{Delivery, Target};
+use super::deliveries::Delivery;
 use super::dialling::{Dialling, Purpose};
 use super::{Mts, Timer};
 use crate::machine::{Announced, ConnId, Notice, Output};
@@ -26,61 +30,12 @@ const MAX_WAITING: usize = 10_000;
 /// discovered each other.
 const COURTESY: Duration = Duration::from_millis(250);
 
-/// Another message transport service.
-#[derive(Debug)]
-pub(super) struct Peer {
-    pub(super) name: Text,
-    /// Where mDNS says it is; `None` when mDNS does not know it.
-    pub(super) discovered: Option<Vec<Address>>,
-    /// Where it was reached, or says it is.
-    pub(super) known: Vec<Address>,
-    pub(super) links: Vec<ConnId>,
-    pub(super) dialling: Dialling,
-    pub(super) state: State,
-    down_since: Option<Duration>,
-    pub(super) last_error: String,
-    /// Deliveries that wait for a link.
-    waiting: VecDeque<u64>,
-    waiting_octets: usize,
-    /// The version of its entries that we hold.
-    pub(super) version: Option<u64>,
-}
-impl Peer {
-    fn new(name: Text) -> Peer {
-        Peer {
-            name,
-            discovered: None,
-            known: Vec::new(),
-            links: Vec::new(),
-            dialling: Dialling::default(),
-            state: State::Alive,
-            down_since: None,
-            last_error: "it has not been reached yet".to_owned(),
-            waiting: VecDeque::new(),
-            waiting_octets: 0,
-            version: None,
-        }
-    }
+/// How long a platform is sought that nobody has heard lately: it was linked, and vanished without
+/// a goodbye, or others have told of it.
+pub(super) const SOUGHT: Duration = Duration::from_secs(3600);
 
-    /// How its agents came to be known.
-    pub(super) fn source(&self) -> Source {
-        match self.discovered {
-            Some(_) => Source::Mdns,
-            None => Source::Peer,
-        }
-    }
-
-    /// Where to dial, best first.
-    pub(super) fn addresses(&self) -> Vec<Address> {
-        let mut addresses = self.known.clone();
-        for address in self.discovered.iter().flatten() {
-            if !addresses.contains(address) {
-                addresses.push(address.clone());
-            }
-        }
-        addresses
-    }
-}
+/// Platforms that vanished and are sought, at most.
+const MAX_LOST: usize = 256;
 
 impl Mts {
     /// mDNS has found a platform, or heard something new of it.
@@ -94,31 +49,37 @@ impl Mts {
         if instance == self.config.instance || self.closing {
             return;
         }
-        let courtesy = self.config.instance > instance;
-        let peer = self
-            .peers
-            .entry(instance)
-            .or_insert_with(|| Peer::new(name));
+        let peer = self.peers.meet(instance, &name);
         peer.discovered = Some(addresses);
-        let idle = peer.links.is_empty() && !peer.dialling.under_way;
         self.directory.set_source(instance, Source::Mdns);
-        if idle && courtesy {
+        self.dial_found_peer(now, instance);
+        self.publish_changes(now);
+    }
+
+    /// Dials a peer of which something new was heard, if it needs that.
+    pub(super) fn dial_found_peer(&mut self, now: Now, instance: InstanceId) {
+        let Some(peer) = self.peers.get(instance) else {
+            return;
+        };
+        if !peer.links.is_empty() || peer.dialling.under_way {
+            return;
+        }
+        if self.config.instance > instance {
             self.dial_peer_later(now, instance, COURTESY);
-        } else if idle {
+        } else {
             self.dial_peer(now, instance);
         }
-        self.publish_changes(now);
     }
 
     /// mDNS does not know the platform any more. A link that is open stays so.
     pub fn undiscovered(&mut self, now: Now, instance: InstanceId) {
-        let Some(peer) = self.peers.get_mut(&instance) else {
+        let Some(peer) = self.peers.get_mut(instance) else {
             return;
         };
         peer.discovered = None;
         if !peer.links.is_empty() {
             self.directory.set_source(instance, Source::Peer);
-        } else if peer.state == State::Gone || peer.down_since.is_none() {
+        } else if (peer.state == State::Gone || peer.down_since.is_none()) && !peer.is_sought(now) {
             self.forget_peer(now, instance);
         }
         self.publish_changes(now);
@@ -127,19 +88,19 @@ impl Mts {
     /// Whether a link to this peer is open.
     pub fn is_linked(&self, instance: InstanceId) -> bool {
         self.peers
-            .get(&instance)
+            .get(instance)
             .is_some_and(|peer| !peer.links.is_empty())
     }
 
     pub(super) fn peer_name(&self, instance: InstanceId) -> Text {
-        match self.peers.get(&instance) {
+        match self.peers.get(instance) {
             Some(peer) => peer.name.clone(),
             None => Text::from(instance.to_string()),
         }
     }
 
     pub(super) fn peer_error(&self, instance: InstanceId) -> String {
-        match self.peers.get(&instance) {
+        match self.peers.get(instance) {
             Some(peer) => peer.last_error.clone(),
             None => "it is gone".to_owned(),
         }
@@ -153,7 +114,7 @@ impl Mts {
         match (&open.address, &open.partner) {
             (Some(address), _) => address.to_text(),
             (None, Partner::Daemon { instance, .. }) => {
-                let known = self.peers.get(instance).and_then(|p| p.known.first());
+                let known = self.peers.get(*instance).and_then(|p| p.known.first());
                 known.map_or(Text::from_static("tcp://"), Address::to_text)
             }
             (None, _) => Text::from_static("local"),
@@ -169,13 +130,10 @@ impl Mts {
         purpose: Option<Purpose>,
     ) {
         let instance = hello.instance;
-        self.forget_earlier_run(now, &hello);
+        let seeds = self.forget_earlier_run(now, &hello);
         let reached = self.conns.get(&conn).and_then(|open| open.address.clone());
-        let peer = self
-            .peers
-            .entry(instance)
-            .or_insert_with(|| Peer::new(hello.name.clone()));
-        peer.name = hello.name.clone();
+        let peer = self.peers.meet_as(instance, &hello.name);
+        peer.seeds.extend(seeds);
         peer.state = State::Alive;
         peer.down_since = None;
         peer.dialling = Dialling::default();
@@ -187,7 +145,7 @@ impl Mts {
         }
         peer.links.push(conn);
         let first = peer.links.len() == 1;
-        self.directory.set_state(instance, State::Alive);
+        self.directory.set_state(now, instance, State::Alive);
         let same_host = self.conns.get(&conn).is_some_and(|open| open.same_host);
         self.send_own_entries(now, conn, same_host);
         match purpose {
@@ -198,6 +156,7 @@ impl Mts {
             _ => {}
         }
         if first {
+            self.tell_platforms_soon(now, instance);
             let via = self.conn_via(conn);
             if hello.name == self.config.name {
                 let (name, other) = (hello.name.clone(), via.clone());
@@ -229,7 +188,7 @@ impl Mts {
         outstanding.iter().for_each(|id| self.unsend(*id));
         let again = outstanding.iter().filter_map(|id| self.deliveries.get(id));
         let octets: usize = again.map(Delivery::octets).sum();
-        if let Some(peer) = self.peers.get_mut(&instance) {
+        if let Some(peer) = self.peers.get_mut(instance) {
             peer.links.retain(|link| *link != conn);
             peer.waiting_octets += octets;
             outstanding
@@ -237,7 +196,7 @@ impl Mts {
                 .rev()
                 .for_each(|id| peer.waiting.push_front(id));
         }
-        let Some(peer) = self.peers.get_mut(&instance) else {
+        let Some(peer) = self.peers.get_mut(instance) else {
             return;
         };
         if !peer.links.is_empty() {
@@ -251,7 +210,7 @@ impl Mts {
         peer.down_since = Some(now.mono);
         peer.last_error = reason.to_owned();
         let name = peer.name.clone();
-        self.directory.set_state(instance, State::Suspect);
+        self.directory.set_state(now, instance, State::Suspect);
         self.notice(Notice::PeerSuspect {
             name,
             reason: Text::from(reason),
@@ -262,9 +221,11 @@ impl Mts {
 
     /// A peer ends, and says so: nobody waits for it.
     pub(super) fn peer_said_goodbye(&mut self, now: Now, instance: InstanceId) {
-        if let Some(peer) = self.peers.get_mut(&instance) {
+        self.gossip.departed(instance);
+        if let Some(peer) = self.peers.get_mut(instance) {
             peer.last_error = super::connections::SHUTDOWN.to_owned();
             peer.discovered = None;
+            peer.sought_until = Duration::ZERO;
             // Its links close by themselves; none of that is a fault.
             peer.down_since = Some(now.mono);
         }
@@ -272,19 +233,19 @@ impl Mts {
     }
 
     /// Three heartbeats were missed, or one came after that.
-    pub(super) fn peer_silent(&mut self, conn: ConnId, silent: bool) {
+    pub(super) fn peer_silent(&mut self, now: Now, conn: ConnId, silent: bool) {
         let Some(Partner::Daemon { instance, .. }) = self.conns.get(&conn).map(|c| &c.partner)
         else {
             return;
         };
         let instance = *instance;
         let state = if silent { State::Suspect } else { State::Alive };
-        let Some(peer) = self.peers.get_mut(&instance) else {
+        let Some(peer) = self.peers.get_mut(instance) else {
             return;
         };
         peer.state = state;
         let name = peer.name.clone();
-        self.directory.set_state(instance, state);
+        self.directory.set_state(now, instance, state);
         if silent {
             let reason = Text::from_static("it has fallen silent");
             self.notice(Notice::PeerSuspect { name, reason });
@@ -295,7 +256,7 @@ impl Mts {
     }
 
     pub(super) fn peer_timeout(&mut self, now: Now, instance: InstanceId) {
-        let Some(peer) = self.peers.get(&instance) else {
+        let Some(peer) = self.peers.get(instance) else {
             return;
         };
         if peer.links.is_empty() && peer.state != State::Gone {
@@ -306,72 +267,110 @@ impl Mts {
                 self.peer_gone(now, instance);
             }
         }
-        let due = self
-            .peers
-            .get(&instance)
-            .and_then(|peer| peer.dialling.again)
-            .is_some_and(|at| now.mono >= at);
-        if due {
+        let Some(peer) = self.peers.get(instance) else {
+            return;
+        };
+        let in_grace = peer.state == State::Suspect;
+        if peer.links.is_empty() && !in_grace && !peer.is_sought(now) {
+            self.forget_peer(now, instance);
+        } else if peer.dialling.again.is_some_and(|at| now.mono >= at) {
             self.dial_peer(now, instance);
         }
     }
 
     /// A peer did not come back: its agents go, and so do the letters for them.
     fn peer_gone(&mut self, now: Now, instance: InstanceId) {
-        let Some(peer) = self.peers.get_mut(&instance) else {
+        let Some(peer) = self.peers.get_mut(instance) else {
             return;
         };
         peer.state = State::Gone;
         peer.version = None;
         let (name, reason) = (peer.name.clone(), Text::from(peer.last_error.as_str()));
         let discovered = peer.discovered.is_some();
-        self.directory.remove_owner(instance);
-        self.fail_deliveries(now, instance, &format!("{name} is gone: {reason}"));
+        self.seek_lost_peer(now, instance);
+        self.forget_seen_later(now, instance);
+        self.directory.remove_owner(now, instance);
+        self.release_deliveries(now, instance, &format!("{name} is gone: {reason}"));
         self.notice(Notice::PeerGone { name, reason });
         if discovered {
             let platform = Announced::Platform(instance);
             self.outputs.push_back(Output::Verify(platform));
-        } else {
+        } else if !self.peers.get(instance).is_some_and(|p| p.is_sought(now)) {
             self.forget_peer(now, instance);
         }
     }
 
-    fn forget_peer(&mut self, now: Now, instance: InstanceId) {
-        let Some(peer) = self.peers.remove(&instance) else {
+    /// Goes on to dial a peer that vanished without a goodbye, for a while, unless that is somebody
+    /// else's business: mDNS will tell when it is back, and a seed is dialled for ever.
+    fn seek_lost_peer(&mut self, now: Now, instance: InstanceId) {
+        let Some(peer) = self.peers.get_mut(instance) else {
             return;
         };
-        self.directory.remove_owner(instance);
-        self.fail_deliveries(now, instance, &format!("{} is gone", peer.name));
+        let kept = |seed: &u64| self.seeds.get(*seed).is_some_and(|seed| seed.kept);
+        let (kept, given_along): (Vec<u64>, Vec<u64>) = peer.seeds.iter().partition(|s| kept(s));
+        peer.seeds = kept.into_iter().collect();
+        given_along
+            .into_iter()
+            .for_each(|seed| self.seeds.remove(seed));
+        if !peer.seeds.is_empty() {
+            peer.sought_until = Duration::ZERO;
+        } else if peer.discovered.is_none() && !self.gossip.has_departed(instance) {
+            let lost = self.peers.iter().filter(|(_, peer)| peer.is_lost());
+            if lost.count() <= MAX_LOST {
+                self.seek_until(now.mono + SOUGHT, instance);
+            }
+        }
+    }
+
+    /// Dials a peer until then at least. A little more is not worth a timer of its own.
+    pub(super) fn seek_until(&mut self, until: Duration, instance: InstanceId) {
+        if let Some(peer) = self.peers.get_mut(instance)
+            && until > peer.sought_until + SOUGHT / 60
+        {
+            peer.sought_until = until;
+            self.timer(until, Timer::Peer(instance));
+        }
+    }
+
+    fn forget_peer(&mut self, now: Now, instance: InstanceId) {
+        self.directory.remove_owner(now, instance);
+        let name = self.peer_name(instance);
+        self.release_deliveries(now, instance, &format!("{name} is gone"));
+        let Some(peer) = self.peers.remove(instance) else {
+            return;
+        };
         self.forget_seen_later(now, instance);
-        let seeds: Vec<u64> = self
-            .seeds
-            .iter()
-            .filter(|(_, seed)| seed.instance == Some(instance))
-            .map(|(id, _)| *id)
-            .collect();
-        for seed in seeds {
+        for seed in peer.seeds {
             self.seed_lost(now, seed);
         }
     }
 
-    /// A daemon that was started anew is there with another id: the run before it is over.
-    fn forget_earlier_run(&mut self, now: Now, hello: &Hello) {
+    /// A daemon that was started anew is there with another id: the run before it is over. Its
+    /// seeds are those of the new one.
+    fn forget_earlier_run(&mut self, now: Now, hello: &Hello) -> BTreeSet<u64> {
+        let mut moved = BTreeSet::new();
         let endpoints: Vec<Address> = hello.endpoints.iter().flat_map(|e| e.parse()).collect();
         let there = |addresses: &[Address]| addresses.iter().any(|a| endpoints.contains(a));
         let earlier: Vec<(InstanceId, Vec<ConnId>)> = self
             .peers
-            .iter()
+            .named(&hello.name)
             .filter(|(instance, peer)| {
-                **instance != hello.instance
-                    && peer.name == hello.name
-                    && (peer.links.is_empty() || there(&peer.known))
+                *instance != hello.instance && (peer.links.is_empty() || there(&peer.known))
             })
-            .map(|(instance, peer)| (*instance, peer.links.clone()))
+            .map(|(instance, peer)| (instance, peer.links.clone()))
             .collect();
         for (instance, links) in earlier {
-            for seed in self.seeds.values_mut() {
-                if seed.instance == Some(instance) && there(&seed.addresses) {
-                    seed.instance = Some(hello.instance);
+            let met = self
+                .peers
+                .get_mut(instance)
+                .map(|p| std::mem::take(&mut p.seeds));
+            for id in met.into_iter().flatten() {
+                match self.seeds.get_mut(id) {
+                    Some(seed) if there(&seed.addresses) => {
+                        seed.instance = Some(hello.instance);
+                        moved.insert(id);
+                    }
+                    _ => self.seed_lost(now, id),
                 }
             }
             self.forget_peer(now, instance);
@@ -381,19 +380,7 @@ impl Mts {
                 self.drop_conn(now, conn, "it was started anew");
             }
         }
-    }
-
-    fn fail_deliveries(&mut self, now: Now, instance: InstanceId, reason: &str) {
-        let mut lost: Vec<u64> = self
-            .deliveries
-            .iter()
-            .filter(|(_, delivery)| delivery.target == Target::Peer(instance))
-            .map(|(id, _)| *id)
-            .collect();
-        lost.sort_unstable();
-        for id in lost {
-            self.finish(now, id, Outcome::Timeout, Text::from(reason));
-        }
+        moved
     }
 
     /// Sends a copy over the peer's link, or keeps it until there is one.
@@ -405,7 +392,7 @@ impl Mts {
         octets: usize,
     ) {
         let max = self.config.queue_octets;
-        let Some(peer) = self.peers.get_mut(&instance) else {
+        let Some(peer) = self.peers.get_mut(instance) else {
             let reason = Text::from_static("its platform is not known any more");
             self.finish(now, id, Outcome::Unknown, reason);
             return;
@@ -422,7 +409,7 @@ impl Mts {
     }
 
     pub(super) fn flush_waiting(&mut self, now: Now, instance: InstanceId) {
-        while let Some(peer) = self.peers.get_mut(&instance) {
+        while let Some(peer) = self.peers.get_mut(instance) {
             let usable = |conn: &&ConnId| self.conns.get(conn).is_some_and(|open| !open.retired);
             let Some(conn) = peer.links.iter().find(usable).copied() else {
                 return;

@@ -1,11 +1,12 @@
 //! Programs on the control socket, and the agents that they attach.
 
+use std::collections::BTreeSet;
+
 use fipa_acl::Text;
 use fipa_directory::Now;
 use fipa_link::{Frame, Outcome};
 
 use super::Mts;
-use super::deliveries::Target;
 use crate::Mailbox;
 use crate::machine::{ConnId, Registration};
 
@@ -42,20 +43,25 @@ impl Mts {
         self.send(now, conn, Frame::Answer { request, refusal });
     }
 
+    /// Whether the program at the end of this connection has attached the agent.
+    pub(super) fn holds(&self, conn: ConnId, name: &str) -> bool {
+        matches!(self.locals.get(name), Some(Local::Program(holder)) if *holder == conn)
+    }
+
     pub(super) fn detach(&mut self, now: Now, conn: ConnId, request: u64, name: &str) {
-        let refusal = match self.locals.get(name) {
-            Some(Local::Program(holder)) if *holder == conn => {
-                self.remove_local(name);
+        let refusal = match self.holds(conn, name) {
+            true => {
+                self.remove_local(now, name);
                 Text::default()
             }
-            _ => Text::from(format!("this connection does not hold {name}")),
+            false => Text::from(format!("this connection does not hold {name}")),
         };
         self.publish_changes(now);
         self.send(now, conn, Frame::Answer { request, refusal });
     }
 
     /// A program's connection ended: its agents go, and so does what was on its way to them.
-    pub(super) fn program_ended(&mut self, now: Now, conn: ConnId) {
+    pub(super) fn program_ended(&mut self, now: Now, conn: ConnId, lost: BTreeSet<u64>) {
         let held = |local: &Local| matches!(local, Local::Program(holder) if *holder == conn);
         let mut names: Vec<Text> = self
             .locals
@@ -65,15 +71,8 @@ impl Mts {
             .collect();
         names.sort();
         for name in names {
-            self.remove_local(&name);
+            self.remove_local(now, &name);
         }
-        let mut lost: Vec<u64> = self
-            .deliveries
-            .iter()
-            .filter(|(_, delivery)| delivery.target == Target::Program(conn))
-            .map(|(id, _)| *id)
-            .collect();
-        lost.sort_unstable();
         for id in lost {
             let reason = "its program ended before it said that it took the letter";
             self.finish(now, id, Outcome::Timeout, Text::from_static(reason));

@@ -65,12 +65,14 @@ struct Resolved {
     route: Route,
 }
 
-enum Route {
+pub(super) enum Route {
     Mailbox,
     Program(ConnId),
     Peer(InstanceId),
     Neighbour,
     Addresses(Vec<Address>),
+    /// It has just left, and may turn up elsewhere.
+    Held,
     Nowhere(Outcome, Text),
 }
 
@@ -78,11 +80,15 @@ impl Mts {
     /// Takes in a letter and starts a delivery to each agent that it is for. `origin` learns the
     /// outcomes once all are known.
     pub(super) fn take_in(&mut self, now: Now, origin: Origin, inbound: Inbound, mut terms: Terms) {
-        if let Some(reason) = self.travels_in_circles(&inbound.envelope) {
+        if inbound.envelope.stamps().count() >= MAX_HOPS {
+            let reason = Text::from(format!("the letter has passed {MAX_HOPS} services"));
             self.answer_whole(now, origin, Outcome::Refused, reason);
             return;
         }
-        let resolved = self.resolve_all(&inbound);
+        let mut resolved = self.resolve_all(now, &inbound);
+        if self.has_been_here(&inbound.envelope) {
+            resolved.iter_mut().for_each(|one| self.end_circle(one));
+        }
         if resolved.is_empty() {
             let reason = match inbound.envelope.intended_receiver() {
                 [] => Text::from_static("the envelope names no receiver"),
@@ -99,33 +105,36 @@ impl Mts {
         }
     }
 
-    /// Why a letter is not passed on any further: we have stamped it before, or too many have.
-    fn travels_in_circles(&self, envelope: &Envelope) -> Option<Text> {
+    /// Whether we have stamped the letter before.
+    fn has_been_here(&self, envelope: &Envelope) -> bool {
         let own = self.config.instance.to_string();
         let ours = |id: &Text| {
             id.strip_prefix(own.as_str())
                 .is_some_and(|r| r.starts_with(':'))
         };
-        if envelope
+        envelope
             .stamps()
             .any(|stamp| stamp.id.as_ref().is_some_and(ours))
-        {
-            return Some(Text::from(format!(
+    }
+
+    /// A letter that came back is not passed on again. Its receiver may have come back as well.
+    fn end_circle(&self, resolved: &mut Resolved) {
+        if !matches!(resolved.route, Route::Mailbox | Route::Program(_)) {
+            let reason = format!(
                 "the letter came back to {}, where it has been before",
                 self.config.name
-            )));
+            );
+            resolved.route = Route::Nowhere(Outcome::Refused, Text::from(reason));
         }
-        (envelope.stamps().count() >= MAX_HOPS)
-            .then(|| Text::from(format!("the letter has passed {MAX_HOPS} services")))
     }
 
     /// Every agent that the letter is for, once each.
-    fn resolve_all(&self, inbound: &Inbound) -> Vec<Resolved> {
+    fn resolve_all(&self, now: Now, inbound: &Inbound) -> Vec<Resolved> {
         let sender = inbound.envelope.from().map(|from| &from.name);
         let mut seen: HashSet<Text> = HashSet::new();
         let mut resolved = Vec::new();
         for receiver in inbound.envelope.intended_receiver() {
-            for (to, route) in self.resolve(receiver, sender, inbound.patterns) {
+            for (to, route) in self.resolve(now, receiver, sender, inbound.patterns) {
                 if seen.insert(to.name.clone()) {
                     resolved.push(Resolved { to, route });
                 }
@@ -134,10 +143,13 @@ impl Mts {
         resolved
     }
 
-    /// Exact name first; then the addresses that the receiver brings along; then the name as mDNS
-    /// announces it; then as an anchored pattern, which never matches the sender.
+    /// Exact name first; then the addresses that the receiver brings along; then the services of
+    /// its resolvers, which may know more names than we do (SC00067F: addresses first, then
+    /// resolvers); then the name as mDNS announces it; then as an anchored pattern, which never
+    /// matches the sender.
     fn resolve(
         &self,
+        now: Now,
         receiver: &AgentId,
         sender: Option<&Text>,
         patterns: bool,
@@ -149,14 +161,15 @@ impl Mts {
             let route = Route::Nowhere(Outcome::Unknown, Text::from(reason));
             vec![(receiver.clone(), route)]
         };
-        let addresses: Vec<Address> = receiver
-            .addresses
-            .iter()
-            .filter_map(|url| url.parse().ok())
-            .filter(|address| !self.config.endpoints.contains(address))
-            .collect();
-        if !addresses.is_empty() {
-            return vec![(receiver.clone(), Route::Addresses(addresses))];
+        let elsewhere = self.route_by_addresses(receiver).or_else(|| {
+            let mut resolvers = receiver.resolvers.iter();
+            resolvers.find_map(|resolver| self.route_to_service_of(resolver))
+        });
+        if let Some(route) = elsewhere {
+            return vec![(receiver.clone(), route)];
+        }
+        if self.is_moving(now, &receiver.name) {
+            return vec![(receiver.clone(), Route::Held)];
         }
         if !patterns {
             let here = &self.config.name;
@@ -202,7 +215,28 @@ impl Mts {
         names.find(|known| same(known)).cloned()
     }
 
-    fn route_to(&self, name: &Text) -> Option<Route> {
+    fn route_by_addresses(&self, receiver: &AgentId) -> Option<Route> {
+        let addresses: Vec<Address> = receiver
+            .addresses
+            .iter()
+            .filter_map(|url| url.parse().ok())
+            .filter(|address| !self.config.endpoints.contains(address))
+            .collect();
+        (!addresses.is_empty()).then_some(Route::Addresses(addresses))
+    }
+
+    /// The way to the service at which a resolver is registered; it looks the receiver up in its
+    /// own directory. A resolver here knows no more than we do, and one that is known by resolvers
+    /// of its own only is not looked for.
+    fn route_to_service_of(&self, resolver: &AgentId) -> Option<Route> {
+        match self.route_to(&resolver.name) {
+            Some(Route::Peer(instance)) => Some(Route::Peer(instance)),
+            Some(_) => None,
+            None => self.route_by_addresses(resolver),
+        }
+    }
+
+    pub(super) fn route_to(&self, name: &Text) -> Option<Route> {
         match self.locals.get(name) {
             Some(Local::Mailbox(_)) => return Some(Route::Mailbox),
             Some(Local::Program(conn)) => return Some(Route::Program(*conn)),
@@ -246,6 +280,7 @@ impl Mts {
                 let seed = self.seed_for(now, addresses.clone());
                 (Target::Seed(seed), Some(addresses))
             }
+            Route::Held => (Target::Held, None),
         };
         let overlay = self.overlay(now, inbound, to.clone());
         let mut head = Encoded::new();

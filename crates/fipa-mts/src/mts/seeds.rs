@@ -1,6 +1,7 @@
 //! Addresses that are dialled until somebody is met there: those of the operator, for ever, and
 //! those that a letter's receiver brings along, while letters wait.
 
+use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
 
 use fipa_acl::Text;
@@ -11,12 +12,46 @@ use super::deliveries::Target;
 use super::dialling::{Dialling, Purpose};
 use super::{Mts, Timer};
 
+/// Seeds, by number and by address.
+#[derive(Debug, Default)]
+pub(super) struct Seeds {
+    seeds: BTreeMap<u64, Seed>,
+    addresses: HashMap<Vec<Address>, u64>,
+}
+
+impl Seeds {
+    pub(super) fn get(&self, id: u64) -> Option<&Seed> {
+        self.seeds.get(&id)
+    }
+
+    pub(super) fn get_mut(&mut self, id: u64) -> Option<&mut Seed> {
+        self.seeds.get_mut(&id)
+    }
+
+    fn at(&self, addresses: &[Address]) -> Option<u64> {
+        self.addresses.get(addresses).copied()
+    }
+
+    fn insert(&mut self, id: u64, seed: Seed) {
+        self.addresses.insert(seed.addresses.clone(), id);
+        self.seeds.insert(id, seed);
+    }
+
+    pub(super) fn remove(&mut self, id: u64) {
+        if let Some(seed) = self.seeds.remove(&id)
+            && self.at(&seed.addresses) == Some(id)
+        {
+            self.addresses.remove(&seed.addresses);
+        }
+    }
+}
+
 /// An address to dial until we know who is there.
 #[derive(Debug)]
 pub(super) struct Seed {
     pub(super) addresses: Vec<Address>,
     /// Given by the operator: dialled for ever. Otherwise only while letters wait.
-    kept: bool,
+    pub(super) kept: bool,
     /// Who was found there.
     pub(super) instance: Option<InstanceId>,
     /// It is our own address.
@@ -59,9 +94,8 @@ impl Mts {
 
     /// The seed for a receiver that brings its addresses along.
     pub(super) fn seed_for(&mut self, now: Now, addresses: Vec<Address>) -> u64 {
-        let known = self.seeds.iter().find(|(_, s)| s.addresses == addresses);
-        match known {
-            Some((id, _)) => *id,
+        match self.seeds.at(&addresses) {
+            Some(id) => id,
             None => {
                 let id = self.new_seed(addresses, false);
                 self.dial_seed(now, id);
@@ -71,7 +105,7 @@ impl Mts {
     }
 
     pub(super) fn queue_for_seed(&mut self, now: Now, id: u64, delivery: u64) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
+        let Some(seed) = self.seeds.get_mut(id) else {
             return;
         };
         if seed.mute_until.is_some() {
@@ -99,7 +133,7 @@ impl Mts {
     }
 
     pub(super) fn dial_seed(&mut self, now: Now, id: u64) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
+        let Some(seed) = self.seeds.get_mut(id) else {
             return;
         };
         if seed.mute_until.is_some()
@@ -117,7 +151,7 @@ impl Mts {
     }
 
     pub(super) fn seed_timeout(&mut self, now: Now, id: u64) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
+        let Some(seed) = self.seeds.get_mut(id) else {
             return;
         };
         seed.waiting
@@ -126,7 +160,7 @@ impl Mts {
             return;
         }
         if !seed.kept && seed.waiting.is_empty() && seed.instance.is_none() {
-            self.seeds.remove(&id);
+            self.seeds.remove(id);
             return;
         }
         if seed.dialling.again.is_some_and(|at| now.mono >= at) {
@@ -136,13 +170,13 @@ impl Mts {
 
     /// Whether the seed is there for letters only, whoever listens there.
     pub(super) fn is_given_with_letter(&self, id: u64) -> bool {
-        self.seeds.get(&id).is_some_and(|seed| !seed.kept)
+        self.seeds.get(id).is_some_and(|seed| !seed.kept)
     }
 
     /// Somebody took the connection and did not greet: letters go there as to a service of another
     /// make, the next ones at once.
     pub(super) fn seed_is_mute(&mut self, now: Now, id: u64) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
+        let Some(seed) = self.seeds.get_mut(id) else {
             return;
         };
         let until = now.mono + MUTE;
@@ -163,11 +197,14 @@ impl Mts {
     }
 
     pub(super) fn seed_met(&mut self, now: Now, id: u64, instance: InstanceId) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
+        let Some(seed) = self.seeds.get_mut(id) else {
             return;
         };
         seed.instance = Some(instance);
         seed.dialling = Dialling::default();
+        if let Some(peer) = self.peers.get_mut(instance) {
+            peer.seeds.insert(id);
+        }
         for delivery in std::mem::take(&mut seed.waiting) {
             self.retarget(now, delivery, instance);
         }
@@ -175,7 +212,7 @@ impl Mts {
 
     pub(super) fn seed_is_myself(&mut self, now: Now, purpose: Option<Purpose>) {
         if let Some(Purpose::Seed(id)) = purpose
-            && let Some(seed) = self.seeds.get_mut(&id)
+            && let Some(seed) = self.seeds.get_mut(id)
         {
             seed.myself = true;
             for delivery in std::mem::take(&mut seed.waiting) {
@@ -193,19 +230,19 @@ impl Mts {
 
     /// Who was found at the seed is gone: it is dialled again, or forgotten.
     pub(super) fn seed_lost(&mut self, now: Now, id: u64) {
-        let Some(seed) = self.seeds.get_mut(&id) else {
+        let Some(seed) = self.seeds.get_mut(id) else {
             return;
         };
         seed.instance = None;
         if seed.kept {
             self.dial_seed(now, id);
         } else {
-            self.seeds.remove(&id);
+            self.seeds.remove(id);
         }
     }
 
     pub(super) fn seed_error(&self, id: u64) -> String {
-        match self.seeds.get(&id) {
+        match self.seeds.get(id) {
             Some(seed) => format!("it could not be reached in time: {}", seed.last_error),
             None => "it could not be reached in time".to_owned(),
         }

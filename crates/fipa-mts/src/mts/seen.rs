@@ -4,7 +4,7 @@
 use std::collections::{HashMap, VecDeque};
 use std::time::Duration;
 
-use fipa_directory::{InstanceId, Now};
+use fipa_directory::{InstanceId, Now, State};
 use fipa_link::ReceiverOutcome;
 
 use super::{Mts, Timer};
@@ -16,7 +16,7 @@ const REMEMBERED: usize = 16_384;
 pub(super) struct Seen {
     letters: HashMap<u64, SeenLetter>,
     order: VecDeque<u64>,
-    /// When the peer was forgotten.
+    /// When the peer was given up last.
     forgotten: Option<Duration>,
 }
 
@@ -63,7 +63,8 @@ impl Mts {
             .get(&instance)
             .and_then(|seen| seen.forgotten)
             .is_some_and(|at| now.mono >= at + self.config.longest_wait);
-        if over && !self.peers.contains_key(&instance) {
+        let peer = self.peers.get(instance);
+        if over && peer.is_none_or(|peer| peer.state == State::Gone) {
             self.seen.remove(&instance);
         }
     }

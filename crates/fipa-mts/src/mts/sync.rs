@@ -11,8 +11,16 @@ use super::Mts;
 use super::connections::Partner;
 use crate::machine::{ConnId, Output};
 
-/// Entries in one frame of a snapshot.
-const ENTRIES_A_FRAME: usize = 500;
+/// Octets of one frame, about. What is more than this goes in several, which its reader takes for
+/// one.
+const FRAME_OCTETS: usize = 1 << 20;
+
+/// The items of a part of a directory of which more is to come.
+#[derive(Debug)]
+pub(super) struct Unfinished {
+    snapshot: bool,
+    items: Vec<DirectoryItem>,
+}
 
 impl Mts {
     /// The locations of our agents.
@@ -29,69 +37,82 @@ impl Mts {
     }
 
     /// Passes on what has changed: our own entries to peers, everything to programs that watch.
+    /// What changed at once is told at once.
     pub(super) fn publish_changes(&mut self, now: Now) {
-        while let Some(change) = self.directory.poll_change() {
-            self.publish(now, &change);
-            if change.kind == ChangeKind::Removed {
-                self.show_neighbour(now, &change.record.entry.name);
+        // Where one goes, a neighbour of the same name may show.
+        loop {
+            let changes = std::iter::from_fn(|| self.directory.poll_change());
+            let changes: Vec<Change> = changes.collect();
+            if changes.is_empty() {
+                return;
             }
-            self.outputs.push_back(Output::Directory(change));
+            self.publish(now, &changes);
+            for change in changes {
+                let name = &change.record.entry.name;
+                match change.kind {
+                    ChangeKind::Added => self.follow(now, name),
+                    ChangeKind::Removed => self.show_neighbour(now, name),
+                    _ => {}
+                }
+                self.outputs.push_back(Output::Directory(change));
+            }
         }
     }
 
-    fn publish(&mut self, now: Now, change: &Change) {
-        if change.kind == ChangeKind::Conflict {
-            // Both records have been told; whoever holds them sees the clash.
-            return;
-        }
-        let own = change.record.owner == self.config.instance;
-        if own {
+    fn publish(&mut self, now: Now, changes: &[Change]) {
+        // Whoever is told of both records sees the clash.
+        let told = changes.iter().filter(|c| c.kind != ChangeKind::Conflict);
+        let told: Vec<&Change> = told.collect();
+        let own: Vec<&Change> = told
+            .iter()
+            .copied()
+            .filter(|change| change.record.owner == self.config.instance)
+            .collect();
+        if !own.is_empty() {
             self.version += 1;
         }
-        let listeners: Vec<(ConnId, bool)> = self
+        let listeners: Vec<(ConnId, bool, bool)> = self
             .conns
             .iter()
-            .filter(|(_, open)| match open.partner {
-                Partner::Daemon { .. } => own,
-                Partner::Program { watch, .. } => watch,
-                Partner::Unknown => false,
+            .filter_map(|(conn, open)| match open.partner {
+                Partner::Daemon { .. } => Some((*conn, open.same_host, true)),
+                Partner::Program { watch: true, .. } => Some((*conn, open.same_host, false)),
+                _ => None,
             })
-            .map(|(conn, open)| (*conn, open.same_host))
             .collect();
-        for (conn, same_host) in listeners {
-            let frame = DirectoryFrame {
-                version: self.version,
-                snapshot: false,
-                more: false,
-                items: vec![item(now, change, same_host)],
-            };
-            self.send(now, conn, Frame::Directory(frame));
+        for (conn, same_host, only_own) in listeners {
+            let changes = if only_own { &own } else { &told };
+            let items = changes.iter().map(|change| item(now, change, same_host));
+            let items: Vec<DirectoryItem> = items.collect();
+            if !items.is_empty() {
+                self.send_items(now, conn, false, items);
+            }
         }
     }
 
-    /// The whole directory, for a program.
+    /// The whole directory, tombstones included, for a program.
     pub(super) fn send_everything(&mut self, now: Now, conn: ConnId) {
-        let records: Vec<Record> = self.directory.iter().cloned().collect();
-        self.send_snapshot(now, conn, true, &records);
+        let records = self.directory.iter().chain(self.directory.tombstones(now));
+        let items = records.map(|record| put(now, record, true)).collect();
+        self.send_items(now, conn, true, items);
     }
 
     /// Our own entries, for a peer.
     pub(super) fn send_own_entries(&mut self, now: Now, conn: ConnId, same_host: bool) {
-        let own = self.config.instance;
-        let records: Vec<Record> = self.directory.owned_by(own).cloned().collect();
-        self.send_snapshot(now, conn, same_host, &records);
+        let records = self.directory.owned_by(self.config.instance);
+        let items = records.map(|record| put(now, record, same_host)).collect();
+        self.send_items(now, conn, true, items);
     }
 
-    fn send_snapshot(&mut self, now: Now, conn: ConnId, same_host: bool, records: &[Record]) {
-        let frames = records.len().div_ceil(ENTRIES_A_FRAME).max(1);
-        for number in 0..frames {
-            let part = records.iter().skip(number * ENTRIES_A_FRAME);
-            let part = part.take(ENTRIES_A_FRAME);
+    fn send_items(&mut self, now: Now, conn: ConnId, snapshot: bool, items: Vec<DirectoryItem>) {
+        let mut parts = in_parts(items).into_iter().peekable();
+        let mut first = true;
+        while let Some(items) = parts.next() {
             let frame = DirectoryFrame {
                 version: self.version,
-                snapshot: number == 0,
-                more: number + 1 < frames,
-                items: part.map(|record| put(now, record, same_host)).collect(),
+                snapshot: snapshot && std::mem::take(&mut first),
+                more: parts.peek().is_some(),
+                items,
             };
             self.send(now, conn, Frame::Directory(frame));
         }
@@ -105,46 +126,83 @@ impl Mts {
         instance: InstanceId,
         frame: DirectoryFrame,
     ) {
-        let (Some(peer), Some(open)) = (self.peers.get_mut(&instance), self.conns.get_mut(&conn))
+        let (Some(peer), Some(open)) = (self.peers.get_mut(instance), self.conns.get_mut(&conn))
         else {
             return;
         };
         let source = peer.source();
         if frame.snapshot {
-            open.snapshot = Some(Vec::new());
+            open.unfinished = None;
         }
-        if let Some(snapshot) = &mut open.snapshot {
-            snapshot.extend(frame.items.into_iter().filter_map(|item| match item {
-                DirectoryItem::Put { owner, entry, .. } if owner == instance => Some(entry),
-                _ => None,
-            }));
-            if frame.more {
-                return;
-            }
-            let entries = open.snapshot.take().unwrap_or_default();
+        let mut whole = open.unfinished.take().unwrap_or(Unfinished {
+            snapshot: frame.snapshot,
+            items: Vec::new(),
+        });
+        whole.items.extend(frame.items);
+        if frame.more {
+            open.unfinished = Some(whole);
+            return;
+        }
+        let items = whole.items.into_iter();
+        if whole.snapshot {
             // Over two links the older snapshot may come last.
             if peer.version.is_none_or(|known| frame.version >= known) {
                 peer.version = Some(frame.version);
+                let entries = items.filter_map(|item| match item {
+                    DirectoryItem::Put { owner, entry, .. } if owner == instance => Some(entry),
+                    _ => None,
+                });
+                let entries: Vec<Entry> = entries.collect();
                 for entry in &entries {
-                    self.make_way_for(entry);
+                    self.make_way_for(now, entry);
                 }
                 self.directory.replace(now, instance, source, entries);
             }
         } else if peer.version.is_some_and(|known| frame.version > known) {
             peer.version = Some(frame.version);
-            for item in frame.items {
+            for item in items {
                 match item {
                     DirectoryItem::Put { owner, entry, .. } if owner == instance => {
-                        self.make_way_for(&entry);
+                        self.make_way_for(now, &entry);
                         self.directory.put(now, instance, source, entry);
                     }
                     DirectoryItem::Remove { owner, name } if owner == instance => {
-                        self.directory.remove(instance, &name);
+                        self.directory.remove(now, instance, &name);
                     }
                     _ => {}
                 }
             }
         }
+    }
+}
+
+/// Items in portions that fit a frame; one, if there are none.
+fn in_parts(items: Vec<DirectoryItem>) -> Vec<Vec<DirectoryItem>> {
+    let mut parts = vec![Vec::new()];
+    let mut octets = 0;
+    for item in items {
+        octets += octets_of(&item);
+        if octets > FRAME_OCTETS {
+            octets = octets_of(&item);
+            parts.push(Vec::new());
+        }
+        if let Some(part) = parts.last_mut() {
+            part.push(item);
+        }
+    }
+    parts
+}
+
+/// The octets of an item, about.
+fn octets_of(item: &DirectoryItem) -> usize {
+    match item {
+        DirectoryItem::Put { entry, .. } => {
+            let locations = entry.locations.iter();
+            let locations = locations.map(|l| l.address.len() + l.signature.len() + 8);
+            let texts = entry.name.len() + entry.kind.len() + entry.description.len();
+            64 + texts + locations.sum::<usize>()
+        }
+        DirectoryItem::Remove { name, .. } => 32 + name.len(),
     }
 }
 
@@ -164,7 +222,7 @@ fn put(now: Now, record: &Record, same_host: bool) -> DirectoryItem {
     if !same_host {
         entry.locations.retain(|location| {
             let address = location.address.parse::<Address>();
-            !address.is_ok_and(|address| address.is_loopback())
+            !address.is_ok_and(|address| !address.is_for_others())
         });
     }
     let age = now.mono.saturating_sub(record.since).as_millis();

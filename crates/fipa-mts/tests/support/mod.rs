@@ -75,8 +75,13 @@ pub(crate) const PARTNER: InstanceId = InstanceId::from_bytes([9; 16]);
 const CONN: ConnId = ConnId(1);
 
 impl Raw {
-    /// A service named `here`, and a partner that has greeted it.
+    /// A service named `here`, and a partner on the same host that has greeted it.
     pub(crate) fn new(role: Role) -> Raw {
+        Raw::at(role, true)
+    }
+
+    /// A service, and a partner on the same host or on another.
+    pub(crate) fn at(role: Role, same_host: bool) -> Raw {
         let now = Now {
             mono: secs(1000),
             unix_millis: 1_795_341_600_000,
@@ -105,7 +110,7 @@ impl Raw {
             conn: CONN,
             dialled: None,
             control: role == Role::Program,
-            same_host: true,
+            same_host,
             remote: Text::from("tcp://partner:1"),
         };
         raw.mts.connected(now, connected);
