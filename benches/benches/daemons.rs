@@ -1,4 +1,5 @@
-//! Agent – daemon – daemon – agent and back, beside a plain TCP echo, in one run.
+//! Agent – daemon – daemon – agent and back beside plain relays between as many processes, and
+//! agents of two platforms in one process beside a plain ping-pong, in one run.
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -7,51 +8,117 @@ use std::time::{Duration, Instant};
 use fipa::prelude::*;
 use fipa_benches::daemons::{self, Daemon};
 use fipa_benches::plain;
+use fipa_benches::relay::{self, Relay};
 use fipa_benches::table::Times;
 
-/// Round trips that are timed, and letters under way where the rate is measured.
-const COUNT: usize = 5_000;
+/// Rounds of all, one after the other; round trips that are timed in each, letters under way where
+/// the rate is measured, and for how long.
+const ROUNDS: usize = 5;
+const COUNT: usize = 2_000;
 const WINDOW: usize = 256;
-const SPAN: Duration = Duration::from_secs(3);
+const SPAN: Duration = Duration::from_millis(600);
+
+/// Octets of the contents.
+const CONTENTS: [usize; 2] = [100, 64 << 10];
 
 fn main() -> ExitCode {
     if daemons::is_daemon() {
         return fipa_daemon::main();
     }
+    if let Some(to) = relay::is_relay() {
+        relay::run(&to);
+        return ExitCode::SUCCESS;
+    }
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .expect("a runtime");
-    runtime.block_on(measure());
+    println!("content  path                            p50 us    p99 us  letters/s  p50/plain");
+    runtime.block_on(async {
+        between_daemons().await;
+        in_one_process().await;
+    });
     ExitCode::SUCCESS
 }
 
-async fn measure() {
+async fn between_daemons() {
     let folder = tempfile::tempdir().expect("a folder");
     let two = Daemon::start(folder.path(), "robot2", &[]);
     let one = Daemon::start(folder.path(), "robot1", &[two.endpoint()]);
     serve(two.control().to_owned());
     let platform = Platform::attach_to(one.control()).await.expect("robot1");
     let agent = Arc::new(platform.agent("client@robot1").await.expect("an agent"));
+    wait_for(&platform).await;
+    let end = Relay::start(&plain::echo_server().to_string());
+    let relay = Relay::start(end.address());
+    let address = relay.address().parse().expect("an address");
+    compare(
+        ["plain, two relays between", "agent-daemon-daemon-agent"],
+        address,
+        &agent,
+    )
+    .await;
+}
+
+async fn in_one_process() {
+    let two = Platform::builder().name("robot2").mdns(false).start().await;
+    let two = two.expect("robot2");
+    let one = Platform::builder().name("robot1").mdns(false);
+    let one = one.peer(two.endpoints()[0].to_string()).start().await;
+    let one = one.expect("robot1");
+    let agent = Arc::new(one.agent("client@robot1").await.expect("an agent"));
+    tokio::spawn(answer(two));
+    wait_for(&one).await;
+    let address = plain::echo_here().await;
+    compare(["plain ping-pong", "platform-platform"], address, &agent).await;
+}
+
+async fn wait_for(platform: &Platform) {
     for name in ["echo@robot2", "sink@robot2"] {
         platform.wait_for(name).await.expect("found");
     }
-    let echo = plain::echo_server();
+}
 
-    println!("content    link                       p50 us    p99 us   letters/s");
-    for octets in [100, 64 << 10] {
-        let times = plain::round_trips(echo, octets, COUNT).await;
-        let rate = plain::rate(echo, octets, WINDOW.min(16), SPAN).await;
-        row(octets, "plain TCP echo", &times, rate);
-        let times = round_trips(&agent, octets).await;
-        let rate = rate_of(&agent, octets).await;
-        row(octets, "agent-daemon-daemon-agent", &times, rate);
+/// What was measured in one round.
+struct Round {
+    times: Times,
+    rate: f64,
+}
+
+async fn compare(paths: [&str; 2], plain: std::net::SocketAddr, agent: &Arc<Agent>) {
+    for octets in CONTENTS {
+        let mut rounds: [Vec<Round>; 2] = [Vec::new(), Vec::new()];
+        for _ in 0..ROUNDS {
+            rounds[0].push(Round {
+                times: plain::round_trips(plain, octets, COUNT).await,
+                rate: plain::rate(plain, octets, WINDOW.min(16), SPAN).await,
+            });
+            rounds[1].push(Round {
+                times: round_trips(agent, octets).await,
+                rate: rate_of(agent, octets).await,
+            });
+        }
+        let [plain, ours] = &rounds;
+        let pairs = plain.iter().zip(ours);
+        let ratio =
+            pairs.map(|(plain, ours)| ours.times.percentile(0.5) / plain.times.percentile(0.5));
+        let ratio = median(ratio);
+        row(octets, paths[0], plain, 1.0);
+        row(octets, paths[1], ours, ratio);
     }
 }
 
-fn row(octets: usize, link: &str, times: &Times, rate: f64) {
-    let (p50, p99) = (times.percentile(0.5), times.percentile(0.99));
-    println!("{octets:7}    {link:25} {p50:8.1}  {p99:8.1}  {rate:10.0}");
+fn row(octets: usize, path: &str, rounds: &[Round], ratio: f64) {
+    let percentile = |share| median(rounds.iter().map(|round| round.times.percentile(share)));
+    let (p50, p99) = (percentile(0.5), percentile(0.99));
+    let rate = median(rounds.iter().map(|round| round.rate));
+    println!("{octets:7}  {path:30} {p50:7.1}  {p99:8.1}  {rate:9.0}  {ratio:9.2}");
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
 }
 
 /// The agents of the other robot, on a thread of their own.
@@ -62,18 +129,22 @@ fn serve(control: std::path::PathBuf) {
             .build()
             .expect("a runtime");
         runtime.block_on(async move {
-            let platform = Platform::attach_to(control).await.expect("robot2");
-            let echo = Arc::new(platform.agent("echo@robot2").await.expect("an agent"));
-            let sink = platform.agent("sink@robot2").await.expect("an agent");
-            tokio::spawn(async move { while sink.receive().await.is_ok() {} });
-            while let Ok(query) = echo.receive().await {
-                let mut answer = query.reply(Performative::Inform);
-                answer.content = query.content;
-                let echo = Arc::clone(&echo);
-                tokio::spawn(async move { echo.send(answer).await });
-            }
+            answer(Platform::attach_to(control).await.expect("robot2")).await;
         });
     });
+}
+
+/// An agent that answers, and one that takes what comes.
+async fn answer(platform: Platform) {
+    let echo = Arc::new(platform.agent("echo@robot2").await.expect("an agent"));
+    let sink = platform.agent("sink@robot2").await.expect("an agent");
+    tokio::spawn(async move { while sink.receive().await.is_ok() {} });
+    while let Ok(query) = echo.receive().await {
+        let mut answer = query.reply(Performative::Inform);
+        answer.content = query.content;
+        let echo = Arc::clone(&echo);
+        tokio::spawn(async move { echo.send(answer).await });
+    }
 }
 
 async fn round_trips(agent: &Agent, octets: usize) -> Times {
@@ -94,8 +165,7 @@ async fn round_trips(agent: &Agent, octets: usize) -> Times {
 
 /// Letters a second that were delivered, and reported so.
 async fn rate_of(agent: &Arc<Agent>, octets: usize) -> f64 {
-    let content = vec![b'x'; octets];
-    let content: &'static [u8] = Box::leak(content.into_boxed_slice());
+    let content = bytes::Bytes::from(vec![b'x'; octets]);
     let mut under_way = tokio::task::JoinSet::new();
     let mut delivered = 0_usize;
     let start = Instant::now();
@@ -103,7 +173,7 @@ async fn rate_of(agent: &Arc<Agent>, octets: usize) -> f64 {
         while under_way.len() < WINDOW && start.elapsed() < SPAN {
             let letter = Message::new(Performative::Inform)
                 .to("sink@robot2")
-                .content(content);
+                .content(content.clone());
             let agent = Arc::clone(agent);
             under_way.spawn(async move { agent.send(letter).await });
         }

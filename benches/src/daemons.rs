@@ -49,6 +49,11 @@ impl Daemon {
         }
     }
 
+    /// Its process.
+    pub fn process(&self) -> u32 {
+        self.process.id()
+    }
+
     /// Where programs attach.
     pub fn control(&self) -> &Path {
         &self.control

@@ -4,7 +4,9 @@
 pub mod daemons;
 pub mod messages;
 pub mod operations;
+pub mod partner;
 pub mod plain;
+pub mod relay;
 pub mod rivals;
 pub mod rounds;
 pub mod table;

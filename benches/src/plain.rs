@@ -29,6 +29,19 @@ pub fn echo_server() -> std::net::SocketAddr {
     receiver.recv().expect("a server")
 }
 
+/// Where an echo answers, as a task of this runtime, one connection after the other.
+pub async fn echo_here() -> std::net::SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+    let address = listener.local_addr().expect("bound");
+    tokio::spawn(async move {
+        loop {
+            let (stream, _) = listener.accept().await.expect("a caller");
+            echo(stream).await;
+        }
+    });
+    address
+}
+
 /// Each piece comes behind its length, and goes back the same way.
 async fn echo(mut stream: TcpStream) {
     stream.set_nodelay(true).expect("a socket");

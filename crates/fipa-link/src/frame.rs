@@ -3,7 +3,7 @@ use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Source, State};
 
 use crate::wire::{FrameError, Reader, put_list, put_text};
-use crate::{Hello, KnownPlatform, ReceiverOutcome};
+use crate::{Hello, KnownPlatform, Parts, ReceiverOutcome};
 
 /// One frame of a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,8 +68,9 @@ pub struct LetterFrame {
     pub id: u64,
     /// Milliseconds within which the sender wants the receipt.
     pub ttl_millis: u32,
-    /// The encoded letter, in parts that follow each other; one part when it was received.
-    pub parts: Vec<Bytes>,
+    /// The encoded letter, in parts that follow each other. Of one that was received the first part
+    /// is all, or 16 KiB at least.
+    pub parts: Parts,
 }
 
 /// A part of a directory. The parts of one owner are numbered without gaps over all its links, so
@@ -111,21 +112,38 @@ pub enum DirectoryItem {
     },
 }
 
+/// Octets up to which a part before the last is written together with the frame's head.
+const SMALL_PART: usize = 512;
+
 const SOURCES: [Source; 4] = [Source::Local, Source::Mdns, Source::Peer, Source::Ams];
 const STATES: [State; 3] = [State::Alive, State::Suspect, State::Gone];
 
+impl LetterFrame {
+    /// Octets of the body before the letter.
+    pub(crate) const HEAD: usize = 12;
+
+    /// Writes what was put before the letter on its way, if that is small; the rest is returned. A
+    /// part of its own costs more than a copy of so little.
+    fn put_overlays(mut self, out: &mut BytesMut) -> Parts {
+        while let Some(part) = self.parts.take_small(SMALL_PART) {
+            out.put_slice(&part);
+        }
+        self.parts
+    }
+}
+
 impl Frame {
-    /// Appends the frame to `out`, as parts that are written one after the other. A letter's own
-    /// parts are passed on as they are.
-    pub fn encode(self, out: &mut Vec<Bytes>) {
-        let mut head = BytesMut::with_capacity(64);
-        head.put_u32(0);
-        head.put_u8(self.kind());
-        let letter = self.put_body(&mut head);
-        let octets = head.len() - 4 + letter.iter().map(Bytes::len).sum::<usize>();
-        head[..4].copy_from_slice(&u32::try_from(octets).unwrap_or(u32::MAX).to_be_bytes());
-        out.push(head.freeze());
-        out.extend(letter);
+    /// Appends the frame to `out`, save for the parts of a letter that are returned: they follow,
+    /// as they are.
+    pub fn encode(self, out: &mut BytesMut) -> Parts {
+        let begin = out.len();
+        out.put_u32(0);
+        out.put_u8(self.kind());
+        let letter = self.put_body(out);
+        let octets = out.len() - begin - 4 + letter.octets();
+        let length = u32::try_from(octets).unwrap_or(u32::MAX).to_be_bytes();
+        out[begin..begin + 4].copy_from_slice(&length);
+        letter
     }
 
     /// Reads a frame from its kind and body. A letter shares the body's buffer.
@@ -136,7 +154,7 @@ impl Frame {
             2 => Frame::Letter(LetterFrame {
                 id: r.u64()?,
                 ttl_millis: r.u32()?,
-                parts: vec![r.rest()],
+                parts: r.rest().into(),
             }),
             3 => Frame::Receipt {
                 id: r.u64()?,
@@ -184,14 +202,14 @@ impl Frame {
         }
     }
 
-    /// Writes the body, save for a letter's parts, which are returned.
-    fn put_body(self, out: &mut BytesMut) -> Vec<Bytes> {
+    /// Writes the body, save for the parts of a letter that are returned.
+    fn put_body(self, out: &mut BytesMut) -> Parts {
         match self {
             Frame::Hello(hello) => hello.put(out),
             Frame::Letter(letter) => {
                 out.put_u64(letter.id);
                 out.put_u32(letter.ttl_millis);
-                return letter.parts;
+                return letter.put_overlays(out);
             }
             Frame::Receipt { id, outcomes } => {
                 out.put_u64(id);
@@ -222,7 +240,7 @@ impl Frame {
             Frame::Platforms(platforms) => put_list(out, &platforms, KnownPlatform::put),
             Frame::Watch | Frame::Unknown(_) => {}
         }
-        Vec::new()
+        Parts::default()
     }
 }
 

@@ -18,8 +18,11 @@
 
 mod frame;
 mod hello;
+mod incoming;
 mod link;
 mod outcome;
+mod outgoing;
+mod parts;
 mod platforms;
 mod wire;
 
@@ -27,6 +30,7 @@ pub use frame::{DirectoryFrame, DirectoryItem, Frame, LetterFrame};
 pub use hello::{Hello, Role};
 pub use link::{Event, Link, LinkConfig, LinkError};
 pub use outcome::{Outcome, ReceiverOutcome};
+pub use parts::Parts;
 pub use platforms::KnownPlatform;
 pub use wire::FrameError;
 

@@ -1,10 +1,11 @@
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::{Buf, Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::Now;
 
+use crate::incoming::Incoming;
+use crate::outgoing::Outgoing;
 use crate::{Frame, FrameError, Hello, PREAMBLE};
 
 /// Octets of a frame beside the letter in it, at most.
@@ -49,8 +50,9 @@ impl LinkConfig {
 pub struct Link {
     config: LinkConfig,
     stage: Stage,
-    out: VecDeque<Bytes>,
-    out_octets: usize,
+    out: Outgoing,
+    /// A large letter of which a part has come.
+    incoming: Option<Incoming>,
     last_heard: Duration,
     last_sent: Duration,
     /// The last heartbeat of ours; before the link is open, when it was made.
@@ -112,8 +114,8 @@ impl Link {
     pub fn new(config: LinkConfig, now: Now) -> Link {
         let mut link = Link {
             stage: Stage::Preamble,
-            out: VecDeque::new(),
-            out_octets: 0,
+            out: Outgoing::default(),
+            incoming: None,
             last_heard: now.mono,
             last_sent: now.mono,
             last_ping: now.mono,
@@ -122,7 +124,7 @@ impl Link {
             silent: false,
             config,
         };
-        link.push(Bytes::from_static(&PREAMBLE));
+        link.out.push_octets(&PREAMBLE);
         link.send(now, Frame::Hello(link.config.hello.clone()));
         link
     }
@@ -161,21 +163,17 @@ impl Link {
             self.last_letter = Some(now.mono);
         }
         self.last_sent = now.mono;
-        let mut parts = Vec::with_capacity(3);
-        frame.encode(&mut parts);
-        parts.into_iter().for_each(|part| self.push(part));
+        self.out.push(frame);
     }
 
     /// The next octets to write.
     pub fn poll_transmit(&mut self) -> Option<Bytes> {
-        let part = self.out.pop_front()?;
-        self.out_octets -= part.len();
-        Some(part)
+        self.out.pop()
     }
 
     /// Octets that wait to be written.
     pub fn queued(&self) -> usize {
-        self.out_octets
+        self.out.octets()
     }
 
     /// When the partner was heard last, on the clock of [`Now::mono`].
@@ -238,16 +236,18 @@ impl Link {
         }
     }
 
-    fn push(&mut self, part: Bytes) {
-        self.out_octets += part.len();
-        self.out.push_back(part);
-    }
-
     fn take_frame(
         &mut self,
         now: Now,
         received: &mut BytesMut,
     ) -> Result<Option<Frame>, LinkError> {
+        if let Some(incoming) = &mut self.incoming {
+            self.last_letter = Some(now.mono);
+            return Ok(match incoming.take(received) {
+                true => self.incoming.take().map(Incoming::finish),
+                false => None,
+            });
+        }
         let Some((head, _)) = received.split_first_chunk::<5>() else {
             return Ok(None);
         };
@@ -266,6 +266,7 @@ impl Link {
             // Its sender keeps the heartbeat of letters; so do we while it is on its way.
             if kind == LETTER && self.stage == Stage::Open {
                 self.last_letter = Some(now.mono);
+                self.incoming = Incoming::begin(length, received);
             }
             return Ok(None);
         }

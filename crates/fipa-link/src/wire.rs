@@ -36,30 +36,40 @@ impl Reader {
     }
 
     fn take(&mut self, octets: usize) -> Result<Bytes, FrameError> {
-        if self.body.len() < octets {
-            return Err(FrameError::Short(self.frame));
-        }
+        self.has(octets)?;
         Ok(self.body.split_to(octets))
     }
 
+    fn has(&self, octets: usize) -> Result<(), FrameError> {
+        if self.body.len() < octets {
+            return Err(FrameError::Short(self.frame));
+        }
+        Ok(())
+    }
+
     pub(crate) fn u8(&mut self) -> Result<u8, FrameError> {
-        Ok(self.take(1)?.get_u8())
+        self.has(1)?;
+        Ok(self.body.get_u8())
     }
 
     pub(crate) fn u16(&mut self) -> Result<u16, FrameError> {
-        Ok(self.take(2)?.get_u16())
+        self.has(2)?;
+        Ok(self.body.get_u16())
     }
 
     pub(crate) fn u32(&mut self) -> Result<u32, FrameError> {
-        Ok(self.take(4)?.get_u32())
+        self.has(4)?;
+        Ok(self.body.get_u32())
     }
 
     pub(crate) fn u64(&mut self) -> Result<u64, FrameError> {
-        Ok(self.take(8)?.get_u64())
+        self.has(8)?;
+        Ok(self.body.get_u64())
     }
 
     pub(crate) fn i64(&mut self) -> Result<i64, FrameError> {
-        Ok(self.take(8)?.get_i64())
+        self.has(8)?;
+        Ok(self.body.get_i64())
     }
 
     pub(crate) fn instance(&mut self) -> Result<InstanceId, FrameError> {
@@ -71,10 +81,12 @@ impl Reader {
     /// Text in a buffer of its own: what frames hold beside letters is kept for long.
     pub(crate) fn text(&mut self) -> Result<Text, FrameError> {
         let octets = self.u32()? as usize;
-        let octets = self.take(octets)?;
-        std::str::from_utf8(&octets)
+        self.has(octets)?;
+        let text = std::str::from_utf8(&self.body[..octets])
             .map(Text::from)
-            .map_err(|_| FrameError::NotUtf8(self.frame))
+            .map_err(|_| FrameError::NotUtf8(self.frame))?;
+        self.body.advance(octets);
+        Ok(text)
     }
 
     /// A list behind its count. Each item takes an octet at least, which bounds what is reserved.

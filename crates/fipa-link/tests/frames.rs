@@ -112,7 +112,7 @@ fn frame() -> impl Strategy<Value = Frame> {
             .prop_map(|(id, ttl_millis, octets)| Frame::Letter(LetterFrame {
                 id,
                 ttl_millis,
-                parts: vec![Bytes::from(octets)],
+                parts: Bytes::from(octets).into(),
             })),
         (any::<u64>(), prop::collection::vec(outcome(), 0..5))
             .prop_map(|(id, outcomes)| Frame::Receipt { id, outcomes }),
@@ -150,9 +150,12 @@ fn any_frame() -> impl Strategy<Value = Frame> {
 }
 
 fn octets(frame: Frame) -> BytesMut {
-    let mut parts = Vec::new();
-    frame.encode(&mut parts);
-    parts.concat().as_slice().into()
+    let mut octets = BytesMut::new();
+    let letter = frame.encode(&mut octets);
+    letter
+        .iter()
+        .for_each(|part| octets.extend_from_slice(part));
+    octets
 }
 
 fn greeting() -> Hello {
@@ -277,18 +280,64 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn a_large_letter_is_taken_in_large_pieces_however_it_is_cut(
+        octets in 0_usize..200_000,
+        mut cuts in prop::collection::vec(any::<prop::sample::Index>(), 0..40),
+    ) {
+        let content: Vec<u8> = (0..octets).map(|at| (at ^ (at >> 8)) as u8).collect();
+        let letter = Frame::Letter(LetterFrame {
+            id: 7,
+            ttl_millis: 8,
+            parts: Bytes::from(content.clone()).into(),
+        });
+        let mut all = BytesMut::from(&PREAMBLE[..]);
+        all.extend_from_slice(&self::octets(Frame::Hello(greeting())));
+        all.extend_from_slice(&self::octets(letter));
+        all.extend_from_slice(&self::octets(Frame::Watch));
+        let mut at: Vec<usize> = cuts.drain(..).map(|cut| cut.index(all.len())).collect();
+        at.extend([0, all.len()]);
+        at.sort_unstable();
+        let pieces: Vec<&[u8]> = at.windows(2).map(|w| &all[w[0]..w[1]]).collect();
+        let mut events = events(&pieces).unwrap();
+        prop_assert_eq!(events.pop(), Some(Event::Frame(Frame::Watch)));
+        let Some(Event::Frame(Frame::Letter(read))) = events.pop() else {
+            panic!("no letter");
+        };
+        prop_assert_eq!((read.id, read.ttl_millis), (7, 8));
+        let parts: Vec<Bytes> = read.parts.into_iter().collect();
+        prop_assert!(parts.concat() == content);
+        let but_the_last = &parts[..parts.len() - 1];
+        // The head of the frame came with the first.
+        prop_assert!(but_the_last.iter().all(|part| part.len() >= (16 << 10) - 17));
+    }
+}
+
 #[test]
 fn a_letter_is_written_without_being_copied() {
-    let payload = Bytes::from(vec![7; 1000]);
-    let mut parts = Vec::new();
-    let letter = LetterFrame {
-        id: 1,
-        ttl_millis: 2,
-        parts: vec![Bytes::from_static(b"head"), payload.clone()],
+    let payload = Bytes::from(vec![7; 100]);
+    let large_overlay = Bytes::from(vec![8; 1000]);
+    let written = |overlay: Bytes| {
+        let mut head = BytesMut::new();
+        let letter = LetterFrame {
+            id: 1,
+            ttl_millis: 2,
+            parts: [overlay, payload.clone()].into_iter().collect(),
+        };
+        let parts = Frame::Letter(letter).encode(&mut head);
+        (head.freeze(), parts.into_iter().collect::<Vec<_>>())
     };
-    Frame::Letter(letter).encode(&mut parts);
-    assert_eq!(parts.len(), 3);
-    assert_eq!(parts[2].as_ptr(), payload.as_ptr());
+    let (head, parts) = written(Bytes::from_static(b"overlay"));
+    assert!(head.ends_with(b"overlay"));
+    assert_eq!(parts.len(), 1);
+    assert_eq!(parts[0].as_ptr(), payload.as_ptr());
+    let (head, parts) = written(large_overlay.clone());
+    assert_eq!(head.len(), 17);
+    assert_eq!(parts[0].as_ptr(), large_overlay.as_ptr());
+    assert_eq!(parts[1].as_ptr(), payload.as_ptr());
 }
 
 #[test]
@@ -296,12 +345,15 @@ fn a_letter_shares_the_buffer_in_which_it_arrived() {
     let letter = LetterFrame {
         id: 1,
         ttl_millis: 2,
-        parts: vec![Bytes::from(vec![7; 1000])],
+        parts: Bytes::from(vec![7; 1000]).into(),
     };
     let octets = octets(Frame::Letter(letter)).freeze();
     match Frame::decode(2, octets.slice(5..)) {
         Ok(Frame::Letter(read)) => {
-            assert_eq!(read.parts[0].as_ptr(), octets.slice(17..).as_ptr());
+            assert_eq!(
+                read.parts.iter().next().unwrap().as_ptr(),
+                octets.slice(17..).as_ptr()
+            );
         }
         other => panic!("{other:?}"),
     }

@@ -64,7 +64,7 @@ fn letter(octets: usize) -> Frame {
     Frame::Letter(LetterFrame {
         id: 1,
         ttl_millis: 1000,
-        parts: vec![Bytes::from(vec![0; octets])],
+        parts: Bytes::from(vec![0; octets]).into(),
     })
 }
 

@@ -26,6 +26,7 @@ mod config;
 mod machine;
 mod mailbox;
 mod mts;
+mod pieces;
 mod program;
 
 pub use config::{Config, ProgramConfig};

@@ -17,6 +17,7 @@ use crate::machine::{
     Registration, Submission,
 };
 use crate::mts::record_of;
+use crate::pieces::{joined, read_envelope};
 use crate::{Mailbox, ProgramConfig};
 
 /// The pause between two dials of a daemon that is not there.
@@ -212,12 +213,12 @@ impl Program {
     /// A letter for one of our agents: its daemon has resolved the receivers to names.
     fn on_letter(&mut self, now: Now, frame: LetterFrame) {
         let id = frame.id;
-        let octets = frame.parts.into_iter().next().unwrap_or_default();
-        let outcomes = match bit_efficient::decode_envelope(&octets, &self.config.limits) {
+        let mut parts = frame.parts.into_iter().collect();
+        let outcomes = match read_envelope(&mut parts, &self.config.limits) {
             Ok((envelope, payload)) => {
                 let letter = Letter {
                     envelope,
-                    payload: octets.slice(payload..),
+                    payload: joined(&parts, payload),
                 };
                 self.put_into_mailboxes(letter)
             }
@@ -372,7 +373,7 @@ impl Program {
         let frame = LetterFrame {
             id,
             ttl_millis: u32::try_from(left.as_millis()).unwrap_or(u32::MAX),
-            parts: std::mem::take(&mut sent.parts),
+            parts: std::mem::take(&mut sent.parts).into_iter().collect(),
         };
         self.send(now, Frame::Letter(frame));
     }

@@ -105,7 +105,7 @@ fn a_stale_entry_makes_a_letter_bounce_once_at_most() {
     else {
         unreachable!()
     };
-    let octets = passed_on.parts[0].clone();
+    let octets = passed_on.parts.iter().next().unwrap().clone();
     raw.letter(2, octets);
     assert_eq!(raw.receipt(2)[0].1, Outcome::Refused);
     assert_eq!(letters(&raw), 1);

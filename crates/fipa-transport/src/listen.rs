@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use fipa_directory::Address;
 
-use crate::stream::{Kind, Stream};
+use crate::Stream;
 use crate::{tcp, unix};
 
 /// A bound endpoint that accepts streams.
@@ -64,7 +64,7 @@ impl Listener {
     pub async fn accept(&self) -> io::Result<Stream> {
         match &self.socket {
             Socket::Tcp(listener) => tcp::stream(listener.accept().await?.0),
-            Socket::Unix(listener, _) => Ok(Stream(Kind::Unix(listener.accept().await?.0))),
+            Socket::Unix(listener, _) => unix::stream(listener.accept().await?.0),
         }
     }
 }

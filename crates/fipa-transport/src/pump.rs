@@ -1,16 +1,18 @@
-use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::fmt;
+use std::future::poll_fn;
 use std::io::{self, IoSlice};
+use std::pin::Pin;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::task::{Context, Poll};
 use std::time::Duration;
 
 use bytes::{Buf, Bytes, BytesMut};
-use tokio::io::Interest;
-use tokio::sync::Notify;
+use tokio::time::Sleep;
 
-use crate::Stream;
+use crate::buffers::ROOM;
+use crate::handle::Wish;
+use crate::{Buffers, Handle, Stream};
 
 /// What moves through a connection, and what becomes of it.
 pub trait Driver: Send + Sync + 'static {
@@ -44,158 +46,206 @@ impl fmt::Display for End {
     }
 }
 
-/// Wakes a connection that waits for its partner.
-#[derive(Debug, Default)]
-pub struct Handle {
-    wake: Notify,
-    wish: AtomicU8,
-}
-
-/// How a connection is wished to end; a stronger wish replaces a weaker one.
-mod wish {
-    pub(super) const NONE: u8 = 0;
-    /// When all is written, however long that takes.
-    pub(super) const FINISH: u8 = 1;
-    /// When all is written, or the partner takes nothing any more.
-    pub(super) const CLOSE: u8 = 2;
-    /// Now.
-    pub(super) const ABORT: u8 = 3;
-}
-
-impl Handle {
-    /// There is something to write.
-    pub fn transmit(&self) {
-        self.wake.notify_one();
-    }
-
-    /// The connection closes as soon as all that waits is written, or the partner takes no more.
-    pub fn close(&self) {
-        self.wish(wish::CLOSE);
-    }
-
-    /// The connection closes as soon as all that waits is written, however long the partner takes
-    /// for it.
-    pub fn finish(&self) {
-        self.wish(wish::FINISH);
-    }
-
-    /// The connection is broken off at once: the partner sees an error, not an end.
-    pub fn abort(&self) {
-        self.wish(wish::ABORT);
-    }
-
-    fn wish(&self, wish: u8) {
-        self.wish.fetch_max(wish, Ordering::AcqRel);
-        self.wake.notify_one();
-    }
-}
-
 /// How long a partner that takes nothing is waited for once the connection is to close.
 const LINGER: Duration = Duration::from_secs(1);
 
-/// Octets that are read at once.
-const CHUNK: usize = 64 << 10;
-
-/// Octets that wait for the rest of what they belong to, from which on it counts as large.
-const LARGE: usize = CHUNK / 2;
+/// Octets that wait for the rest of what they belong to, from which on it counts as large. Fewer
+/// are copied to where the rest is read, and leave room there.
+const LARGE: usize = ROOM / 2;
 
 /// Parts that are written at once.
-const PARTS: usize = 64;
+const PARTS: usize = 256;
 
-thread_local! {
-    /// Read into by every connection of the thread: an idle connection holds no buffer, and what
-    /// is kept of a reading is no larger than what arrived.
-    static SCRATCH: RefCell<Box<[u8]>> = RefCell::new(vec![0; CHUNK].into_boxed_slice());
-}
+/// Parts for which an idle connection keeps room.
+const IDLE_PARTS: usize = 32;
 
 /// Moves octets between a stream and its driver until one of them ends it.
-pub async fn pump(stream: Stream, handle: Arc<Handle>, driver: impl Driver) {
-    let mut output: VecDeque<Bytes> = VecDeque::new();
-    let mut all_written = false;
-    let result = run(&stream, &handle, &driver, &mut output, &mut all_written).await;
+///
+/// In one turn a connection reads once, at most a buffer full, and writes what its driver gives at
+/// once; then the others have theirs.
+pub async fn pump(
+    mut stream: Stream,
+    handle: Arc<Handle>,
+    buffers: Arc<Buffers>,
+    driver: impl Driver,
+) {
+    let mut output = Outgoing::default();
+    let result = run(&mut stream, &handle, &buffers, &driver, &mut output).await;
     let end = match result {
         Ok(()) => End::Ours,
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => End::Theirs,
         Err(error) => End::Broken(error),
     };
-    driver.closed(&end, all_written);
+    driver.closed(&end, output.all_written);
 }
 
 async fn run(
-    stream: &Stream,
+    stream: &mut Stream,
     handle: &Handle,
+    buffers: &Buffers,
     driver: &impl Driver,
-    output: &mut VecDeque<Bytes>,
-    all_written: &mut bool,
+    output: &mut Outgoing,
 ) -> io::Result<()> {
-    let mut input = BytesMut::new();
+    let mut rest = BytesMut::new();
+    let mut linger = None;
     loop {
-        if handle.wish.load(Ordering::Acquire) == wish::ABORT {
+        if handle.wish() == Wish::Abort {
             return stream.abort();
         }
-        let more = driver.transmit(output);
-        *all_written = false;
-        let blocked = write(stream, output)?;
-        *all_written = output.is_empty() && !more;
-        if more && !blocked {
-            // Nobody wakes us for what the driver still has.
-            tokio::task::yield_now().await;
-            continue;
-        }
-        let wish = handle.wish.load(Ordering::Acquire);
-        if output.is_empty() && wish != wish::NONE {
+        let blocked = match output.send(stream, driver)? {
+            Sent::All => false,
+            Sent::Blocked => true,
+            Sent::Some => {
+                // Nobody wakes us for what the driver still has.
+                tokio::task::yield_now().await;
+                continue;
+            }
+        };
+        let wish = handle.wish();
+        if wish != Wish::None && !blocked {
             return stream.end_writing();
         }
-        let linger = async {
-            match wish == wish::CLOSE {
-                true => tokio::time::sleep(LINGER).await,
-                false => std::future::pending().await,
-            }
-        };
-        let interest = match blocked {
-            true => Interest::READABLE | Interest::WRITABLE,
-            false => Interest::READABLE,
-        };
-        tokio::select! {
-            ready = stream.ready(interest) => {
-                if ready?.is_readable() {
-                    read(stream, &mut input, driver)?;
+        if wish == Wish::Close {
+            linger.get_or_insert_with(|| Box::pin(tokio::time::sleep(LINGER)));
+        }
+        match poll_fn(|cx| poll_turn(cx, stream, handle, blocked, &mut linger)).await? {
+            Turn::Write => {}
+            Turn::Over => return Ok(()),
+            Turn::Read => {
+                let mut reading =
+                    |cx: &mut Context<'_>| read(cx, stream, buffers, &mut rest, driver);
+                let full = poll_fn(|cx| Poll::Ready(reading(cx))).await?;
+                if full {
+                    // Receipts go out first: whoever has the letter now may end the program.
+                    output.send(stream, driver)?;
+                    tokio::task::yield_now().await;
                 }
             }
-            () = handle.wake.notified() => {}
-            () = linger => return Ok(()),
         }
     }
 }
 
-/// Reads once; the rest, if there is more, comes with the next turn, after what is to be written.
-fn read(stream: &Stream, input: &mut BytesMut, driver: &impl Driver) -> io::Result<()> {
-    let octets = if input.len() < LARGE {
-        SCRATCH.with_borrow_mut(|scratch| {
-            let octets = stream.try_read(scratch)?;
-            input.extend_from_slice(&scratch[..octets]);
-            Ok(octets)
-        })
+/// What a connection does next.
+enum Turn {
+    Read,
+    Write,
+    Over,
+}
+
+fn poll_turn(
+    cx: &mut Context<'_>,
+    stream: &mut Stream,
+    handle: &Handle,
+    blocked: bool,
+    linger: &mut Option<Pin<Box<Sleep>>>,
+) -> Poll<io::Result<Turn>> {
+    if let Poll::Ready(ready) = stream.poll_read_ready(cx) {
+        return Poll::Ready(ready.map(|()| Turn::Read));
+    }
+    if blocked && let Poll::Ready(ready) = stream.poll_write_ready(cx) {
+        return Poll::Ready(ready.map(|()| Turn::Write));
+    }
+    if handle.poll_asked(cx).is_ready() {
+        return Poll::Ready(Ok(Turn::Write));
+    }
+    match linger {
+        Some(linger) => linger.as_mut().poll(cx).map(|()| Ok(Turn::Over)),
+        None => Poll::Pending,
+    }
+}
+
+/// Reads once. Whether there may be more to read at once.
+fn read(
+    cx: &mut Context<'_>,
+    stream: &mut Stream,
+    buffers: &Buffers,
+    rest: &mut BytesMut,
+    driver: &impl Driver,
+) -> io::Result<bool> {
+    if rest.len() >= LARGE {
+        return read_on(cx, stream, rest, driver);
+    }
+    let mut buffer = buffers.take();
+    buffer.extend_from_slice(rest);
+    let read = stream.poll_read(cx, &mut buffer);
+    if let Poll::Ready(Ok(_)) = read {
+        driver.received(&mut buffer);
+        keep(rest, &buffer);
+    }
+    buffers.give(buffer);
+    filled(read)
+}
+
+/// Reads on where something large is: its buffer grows with what arrived.
+fn read_on(
+    cx: &mut Context<'_>,
+    stream: &mut Stream,
+    rest: &mut BytesMut,
+    driver: &impl Driver,
+) -> io::Result<bool> {
+    rest.reserve(rest.len());
+    let read = stream.poll_read(cx, rest);
+    if let Poll::Ready(Ok(_)) = read {
+        driver.received(rest);
+    }
+    if rest.is_empty() {
+        *rest = BytesMut::new();
+    }
+    filled(read)
+}
+
+/// Whether the room was filled; nothing was when nothing is there to be read after all.
+fn filled(read: Poll<io::Result<bool>>) -> io::Result<bool> {
+    match read {
+        Poll::Ready(read) => read,
+        Poll::Pending => Ok(false),
+    }
+}
+
+/// Copies what is left over: a connection that waits holds no more than what arrived.
+fn keep(rest: &mut BytesMut, left: &[u8]) {
+    if left.is_empty() {
+        *rest = BytesMut::new();
     } else {
-        // Something large is under way: room for as much again saves a copy of it.
-        input.reserve(input.len());
-        stream.try_read_buf(input)
-    };
-    match octets {
-        Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
-        Ok(_) => {
-            driver.received(input);
-            if input.is_empty() {
-                *input = BytesMut::new();
-            }
-            Ok(())
-        }
-        Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(()),
-        Err(error) => Err(error),
+        rest.clear();
+        rest.extend_from_slice(left);
     }
 }
 
-/// Writes as much as the socket takes. Whether it is to be asked when it takes more.
+/// What waits to be written.
+#[derive(Default)]
+struct Outgoing {
+    parts: VecDeque<Bytes>,
+    /// The system has taken everything that there was.
+    all_written: bool,
+}
+
+/// How much of what waits was written.
+enum Sent {
+    /// Everything that the driver has.
+    All,
+    /// Everything that was at hand; the driver has more.
+    Some,
+    /// As much as the socket takes.
+    Blocked,
+}
+
+impl Outgoing {
+    /// Writes as much as the socket takes of what the driver gives at once.
+    fn send(&mut self, stream: &Stream, driver: &impl Driver) -> io::Result<Sent> {
+        let more = driver.transmit(&mut self.parts);
+        self.all_written = false;
+        let blocked = write(stream, &mut self.parts)?;
+        self.all_written = !blocked && !more;
+        Ok(match (blocked, more) {
+            (true, _) => Sent::Blocked,
+            (false, true) => Sent::Some,
+            (false, false) => Sent::All,
+        })
+    }
+}
+
+/// Whether the socket takes no more for now.
 fn write(stream: &Stream, output: &mut VecDeque<Bytes>) -> io::Result<bool> {
     while !output.is_empty() {
         let mut parts = [IoSlice::new(&[]); PARTS];
@@ -209,6 +259,9 @@ fn write(stream: &Stream, output: &mut VecDeque<Bytes>) -> io::Result<bool> {
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(true),
             Err(error) => return Err(error),
         }
+    }
+    if output.capacity() > IDLE_PARTS {
+        *output = VecDeque::new();
     }
     Ok(false)
 }

@@ -1,10 +1,17 @@
 use std::io::{self, IoSlice};
+use std::pin::pin;
+use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
+use bytes::{BufMut, BytesMut};
 use socket2::SockRef;
-use tokio::io::{Interest, Ready};
+use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
-use tokio::net::UnixStream;
+
+use crate::unix::UnixStream;
+
+/// Octets that are read at once from a Unix socket: they are zeroed before.
+const UNIX_ROOM: usize = 32 << 10;
 
 /// An open stream, whatever carries it.
 #[derive(Debug)]
@@ -18,7 +25,7 @@ pub(crate) enum Kind {
 
 macro_rules! each {
     ($stream:expr, $inner:ident => $call:expr) => {
-        match &$stream.0 {
+        match $stream {
             Kind::Tcp($inner) => $call,
             Kind::Unix($inner) => $call,
         }
@@ -50,31 +57,67 @@ impl Stream {
 
     /// Ends what we write; an error if the connection is known to be broken by now.
     pub(crate) fn end_writing(&self) -> io::Result<()> {
-        each!(self, stream => SockRef::from(stream).shutdown(std::net::Shutdown::Write))?;
-        match self.try_read(&mut [0]) {
-            Err(error) if error.kind() != io::ErrorKind::WouldBlock => Err(error),
-            _ => Ok(()),
+        match &self.0 {
+            Kind::Tcp(stream) => {
+                SockRef::from(stream).shutdown(std::net::Shutdown::Write)?;
+                match stream.try_read(&mut [0]) {
+                    Err(error) if error.kind() != io::ErrorKind::WouldBlock => Err(error),
+                    _ => Ok(()),
+                }
+            }
+            Kind::Unix(stream) => stream.end_writing(),
         }
     }
 
     /// Has the other side see an error instead of an end, once the stream is dropped.
     pub(crate) fn abort(&self) -> io::Result<()> {
-        each!(self, stream => SockRef::from(stream).set_linger(Some(Duration::ZERO)))
+        match &self.0 {
+            Kind::Tcp(stream) => SockRef::from(stream).set_linger(Some(Duration::ZERO)),
+            Kind::Unix(_) => Ok(()),
+        }
     }
 
-    pub(crate) async fn ready(&self, interest: Interest) -> io::Result<Ready> {
-        each!(self, stream => stream.ready(interest).await)
+    pub(crate) fn poll_read_ready(&self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        each!(&self.0, stream => stream.poll_read_ready(cx))
     }
 
-    pub(crate) fn try_read(&self, buffer: &mut [u8]) -> io::Result<usize> {
-        each!(self, stream => stream.try_read(buffer))
+    /// To be asked after a writing that was refused.
+    pub(crate) fn poll_write_ready(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        each!(&mut self.0, stream => stream.poll_write_ready(cx))
     }
 
-    pub(crate) fn try_read_buf(&self, buffer: &mut bytes::BytesMut) -> io::Result<usize> {
-        each!(self, stream => stream.try_read_buf(buffer))
+    /// Reads once into the room that the buffer has. Whether it was filled: after a reading that
+    /// left some of it the system is not asked in vain whether there is more.
+    pub(crate) fn poll_read(
+        &mut self,
+        cx: &mut Context<'_>,
+        buffer: &mut BytesMut,
+    ) -> Poll<io::Result<bool>> {
+        let (before, mut room) = (buffer.len(), buffer.capacity() - buffer.len());
+        let octets = match &mut self.0 {
+            Kind::Tcp(stream) => {
+                let mut buffer = buffer.limit(room);
+                ready!(pin!(stream.read_buf(&mut buffer)).poll(cx))?
+            }
+            Kind::Unix(stream) => {
+                room = room.min(UNIX_ROOM);
+                buffer.resize(before + room, 0);
+                let read = stream.poll_read(cx, &mut buffer[before..]);
+                let octets = match &read {
+                    Poll::Ready(Ok(octets)) => *octets,
+                    _ => 0,
+                };
+                buffer.truncate(before + octets);
+                ready!(read)?
+            }
+        };
+        Poll::Ready(match octets {
+            0 => Err(io::ErrorKind::UnexpectedEof.into()),
+            octets => Ok(octets == room),
+        })
     }
 
     pub(crate) fn try_write_vectored(&self, parts: &[IoSlice<'_>]) -> io::Result<usize> {
-        each!(self, stream => stream.try_write_vectored(parts))
+        each!(&self.0, stream => stream.try_write_vectored(parts))
     }
 }

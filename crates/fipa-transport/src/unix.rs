@@ -1,11 +1,15 @@
 //! Unix sockets.
 
 use std::fs::File;
-use std::io;
+use std::io::{self, IoSlice, Read, Write};
+use std::net::Shutdown;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::path::Path;
+use std::task::{Context, Poll, ready};
 
-use tokio::net::{UnixListener, UnixStream};
+use tokio::io::Interest;
+use tokio::io::unix::AsyncFd;
+use tokio::net::UnixListener;
 
 use crate::stream::{Kind, Stream};
 
@@ -41,6 +45,79 @@ fn take_turns(path: &Path) -> Option<File> {
 }
 
 pub(crate) async fn connect(path: &str) -> io::Result<Stream> {
-    let stream = UnixStream::connect(path).await?;
-    Ok(Stream(Kind::Unix(stream)))
+    stream(tokio::net::UnixStream::connect(path).await?)
+}
+
+pub(crate) fn stream(stream: tokio::net::UnixStream) -> io::Result<Stream> {
+    let stream = stream.into_std()?;
+    Ok(Stream(Kind::Unix(UnixStream {
+        stream: watched(stream, Interest::READABLE)?,
+        refused: None,
+    })))
+}
+
+/// A Unix socket that is asked whether it can be written to only after it refused.
+///
+/// The kernel wakes whoever waits for that with everything that the partner reads: each letter
+/// would cost its sender another turn.
+#[derive(Debug)]
+pub(crate) struct UnixStream {
+    stream: AsyncFd<Socket>,
+    /// Another descriptor of the same socket, as long as nothing can be written.
+    refused: Option<AsyncFd<Socket>>,
+}
+
+type Socket = std::os::unix::net::UnixStream;
+
+/// What is deprecated is that this takes values whose descriptor may change; that of a socket which
+/// is owned here never does.
+#[allow(deprecated)]
+fn watched(socket: Socket, interest: Interest) -> io::Result<AsyncFd<Socket>> {
+    AsyncFd::with_interest(socket, interest)
+}
+
+impl UnixStream {
+    pub(crate) fn poll_read_ready(&self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.stream.poll_read_ready(cx).map_ok(|_| ())
+    }
+
+    pub(crate) fn poll_write_ready(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        let refused = match self.refused.take() {
+            Some(refused) => refused,
+            None => {
+                let socket = self.stream.get_ref().try_clone()?;
+                watched(socket, Interest::WRITABLE)?
+            }
+        };
+        let ready = refused.poll_write_ready(cx).map_ok(|_| ());
+        if ready.is_pending() {
+            self.refused = Some(refused);
+        }
+        ready
+    }
+
+    pub(crate) fn poll_read(
+        &self,
+        cx: &mut Context<'_>,
+        room: &mut [u8],
+    ) -> Poll<io::Result<usize>> {
+        loop {
+            let mut ready = ready!(self.stream.poll_read_ready(cx))?;
+            let Ok(octets) = ready.try_io(|socket| socket.get_ref().read(room)) else {
+                continue;
+            };
+            if octets.as_ref().is_ok_and(|octets| *octets < room.len()) {
+                ready.clear_ready();
+            }
+            return Poll::Ready(octets);
+        }
+    }
+
+    pub(crate) fn end_writing(&self) -> io::Result<()> {
+        self.stream.get_ref().shutdown(Shutdown::Write)
+    }
+
+    pub(crate) fn try_write_vectored(&self, parts: &[IoSlice<'_>]) -> io::Result<usize> {
+        self.stream.get_ref().write_vectored(parts)
+    }
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_directory::Address;
-use fipa_transport::{Driver, End, Handle, Listener, dial, pump};
+use fipa_transport::{Buffers, Driver, End, Handle, Listener, dial, pump};
 use tokio::sync::mpsc;
 
 /// Gives its parts one at a time.
@@ -58,12 +58,20 @@ async fn all_that_a_driver_has_is_written_without_waking_it_again() {
         octets: AtomicUsize::new(0),
         told,
     };
-    tokio::spawn(pump(accepted.unwrap(), Arc::new(Handle::default()), taking));
+    let buffers = Arc::new(Buffers::default());
+    let shared = Arc::clone(&buffers);
+    tokio::spawn(pump(
+        accepted.unwrap(),
+        Arc::new(Handle::default()),
+        shared,
+        taking,
+    ));
     let parts = VecDeque::from(vec![Bytes::from_static(&[7; 100]); 5]);
     let giving = Giving(Mutex::new(parts));
     tokio::spawn(pump(
         dialled.unwrap().0,
         Arc::new(Handle::default()),
+        buffers,
         giving,
     ));
     let all = async { while octets.recv().await.is_some_and(|octets| octets < 500) {} };
@@ -116,7 +124,7 @@ async fn write_to<R: Send + 'static>(
         told,
     };
     let handle = Arc::new(Handle::default());
-    tokio::spawn(pump(stream, Arc::clone(&handle), writing));
+    tokio::spawn(pump(stream, Arc::clone(&handle), Arc::default(), writing));
     tokio::time::sleep(Duration::from_millis(50)).await;
     wish(&handle);
     let read = reading.await.unwrap();
@@ -152,4 +160,34 @@ async fn a_reader_that_goes_away_in_the_middle_is_told_as_such() {
     })
     .await;
     assert_eq!((end.as_str(), all_written), ("broken", false));
+}
+#[tokio::test]
+async fn what_a_socket_refuses_is_written_once_the_partner_reads() {
+    const OCTETS: usize = 16 << 20;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("socket");
+    let unix = Address::Unix(path.to_string_lossy().into_owned());
+    for address in [Address::tcp("127.0.0.1", 0), unix] {
+        let listener = Listener::bind(&address).await.unwrap();
+        let addresses = [listener.address().clone()];
+        let (dialled, accepted) = tokio::join!(dial(&addresses), listener.accept());
+        let (told, mut octets) = mpsc::unbounded_channel();
+        let taking = Taking {
+            octets: AtomicUsize::new(0),
+            told,
+        };
+        let parts = VecDeque::from(vec![Bytes::from(vec![7; OCTETS / 4]); 4]);
+        let buffers = Arc::new(Buffers::default());
+        let shared = Arc::clone(&buffers);
+        let giving = Giving(Mutex::new(parts));
+        let handle = Arc::new(Handle::default());
+        tokio::spawn(pump(dialled.unwrap().0, handle, shared, giving));
+        // Until the partner reads, the socket takes no more than fits into its buffers.
+        tokio::time::sleep(Duration::from_millis(50)).await;
+        let handle = Arc::new(Handle::default());
+        tokio::spawn(pump(accepted.unwrap(), handle, buffers, taking));
+        let all = async { while octets.recv().await.is_some_and(|octets| octets < OCTETS) {} };
+        let arrived = tokio::time::timeout(Duration::from_secs(20), all).await;
+        assert!(arrived.is_ok(), "{address}");
+    }
 }

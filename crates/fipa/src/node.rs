@@ -12,7 +12,7 @@ use fipa_link::ReceiverOutcome;
 use fipa_mts::{
     Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, RegisterError,
 };
-use fipa_transport::{Driver, End, Handle, Listener, Stream};
+use fipa_transport::{Buffers, Driver, End, Handle, Listener, Stream};
 use tokio::sync::{Notify, mpsc, oneshot};
 
 use crate::clock::Clock;
@@ -21,6 +21,7 @@ use crate::clock::Clock;
 pub(crate) struct Node<M> {
     state: Mutex<State<M>>,
     clock: Clock,
+    buffers: Arc<Buffers>,
     runtime: tokio::runtime::Handle,
     timer: Arc<Notify>,
 }
@@ -140,6 +141,7 @@ impl<M: Machine + Send + 'static> Node<M> {
                 hub,
             }),
             clock,
+            buffers: Arc::default(),
             runtime: tokio::runtime::Handle::current(),
             timer: Arc::clone(&timer),
         });
@@ -208,8 +210,9 @@ impl<M: Machine + Send + 'static> Node<M> {
             node: Arc::clone(self),
             conn,
         };
+        let buffers = Arc::clone(&self.buffers);
         self.runtime
-            .spawn(fipa_transport::pump(stream, handle, driver));
+            .spawn(fipa_transport::pump(stream, handle, buffers, driver));
     }
 
     async fn dial(self: Arc<Self>, dial: DialId, addresses: Vec<Address>) {

@@ -246,8 +246,8 @@ fn read_letter(now: Now, octets: Bytes, limits: &Limits) -> Result<Inbound, Stri
         ));
     }
     let in_bits = EnvelopeRepresentation::detect(&octets);
-    let parts = if in_bits == Some(EnvelopeRepresentation::BitEfficient) {
-        vec![octets]
+    let (parts, payload) = if in_bits == Some(EnvelopeRepresentation::BitEfficient) {
+        (vec![octets], at)
     } else {
         // Our links carry bit-efficient envelopes, which need what XML may leave out.
         if envelope.base.acl_representation.is_none() {
@@ -258,7 +258,9 @@ fn read_letter(now: Now, octets: Bytes, limits: &Limits) -> Result<Inbound, Stri
         envelope.base.date.get_or_insert(date);
         let mut head = Encoded::new();
         bit_efficient::encode_envelope(&envelope, &mut head).map_err(|e| unreadable(&e))?;
-        vec![head.take_bytes(), payload.clone()]
+        let head = head.take_bytes();
+        let at = head.len();
+        (vec![head, payload], at)
     };
     Ok(Inbound {
         parts,

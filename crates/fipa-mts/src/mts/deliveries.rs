@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use fipa_acl::Text;
-use fipa_codec::bit_efficient;
 use fipa_directory::{InstanceId, Now};
 use fipa_link::{Frame, LetterFrame, Outcome, ReceiverOutcome};
 
@@ -14,6 +13,7 @@ use super::routing::{Inbound, Terms};
 use super::seen::SeenLetter;
 use super::{Mts, Timer};
 use crate::machine::{ConnId, Output, REPLY_BY};
+use crate::pieces::read_envelope;
 
 /// Who is told what became of a letter.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -106,12 +106,12 @@ impl Mts {
                 (Origin::Peer { instance, conn, id }, name, false)
             }
         };
-        let octets = frame.parts.into_iter().next().unwrap_or_default();
-        match bit_efficient::decode_envelope(&octets, &self.config.limits) {
+        let mut parts = frame.parts.into_iter().collect();
+        match read_envelope(&mut parts, &self.config.limits) {
             Ok((envelope, payload)) => {
                 let inbound = Inbound {
-                    payload: octets.slice(payload..),
-                    parts: vec![octets],
+                    payload,
+                    parts,
                     envelope,
                     from: Some(from),
                     via: Some(if patterns { "unix" } else { "tcp" }),
@@ -162,7 +162,7 @@ impl Mts {
             pending,
             Pending {
                 origin,
-                receivers: receivers.iter().map(name).collect(),
+                receivers: receivers.iter().map(|r| name(r).detached()).collect(),
                 outcomes: receivers.iter().map(|_| None).collect(),
                 open: receivers.len(),
             },
@@ -301,7 +301,7 @@ impl Mts {
         let frame = LetterFrame {
             id,
             ttl_millis: ttl_for_next_hop(left),
-            parts: delivery.parts.clone(),
+            parts: delivery.parts.iter().cloned().collect(),
         };
         if let Some(open) = self.conns.get_mut(&conn) {
             open.outstanding.insert(id);

@@ -3,10 +3,12 @@
 use bytes::Bytes;
 use fipa_acl::{AgentId, Envelope, Representation, Slots, Text};
 use fipa_codec::{
-    Dialect, EnvelopeRepresentation, Limits, Output as Encoded, bit_efficient, decode_envelope,
-    decode_payload, encode_envelope, encode_message, payload_encoding, payload_representation,
+    Dialect, Limits, Output as Encoded, bit_efficient, decode_envelope, decode_payload,
+    encode_envelope_as, encode_message_as, payload_encoding, payload_representation,
 };
 use fipa_directory::{Address, MESSAGE_TRANSPORT};
+
+use crate::pieces::joined;
 
 /// The signature type of the bridge to JADE.
 const JADE_BRIDGE: &str = "JadeProxyAgent";
@@ -20,11 +22,18 @@ pub(super) struct Foreign {
     pub(super) overlay: Slots,
     /// The letter as it came: a bit-efficient envelope, within the first part, and its payload.
     pub(super) parts: Vec<Bytes>,
-    pub(super) payload: Bytes,
+    /// Where the payload begins.
+    pub(super) payload: usize,
     /// Where it goes; empty: where the receiver is announced.
     pub(super) addresses: Vec<Address>,
     /// The transports that the sender prefers.
     pub(super) transports: Vec<Text>,
+}
+
+impl Foreign {
+    fn payload(&self) -> Bytes {
+        joined(&self.parts, self.payload)
+    }
 }
 
 /// How letters are written to a location of this signature type, if they are.
@@ -50,10 +59,10 @@ pub(super) fn write(
         dialect if has_user_defined(&envelope) => {
             // Passed on as they are, they would make the peer reject the letter.
             envelope.overlays.push(foreign.overlay.clone());
-            let (mut head, payload) = (Encoded::new(), &foreign.payload);
+            let (mut head, payload) = (Encoded::new(), foreign.payload());
             bit_efficient::encode_envelope_as(dialect, &envelope, payload.len(), &mut head)
                 .map_err(|e| e.to_string())?;
-            Ok(vec![head.take_bytes(), payload.clone()])
+            Ok(vec![head.take_bytes(), payload])
         }
         dialect => {
             bit_efficient::insert_overlay_as(dialect, &foreign.parts, &foreign.overlay, limits)
@@ -78,7 +87,7 @@ fn for_bridge(
     limits: &Limits,
 ) -> Result<Vec<Bytes>, String> {
     let mut overlay = foreign.overlay.clone();
-    let mut payload = foreign.payload.clone();
+    let mut payload = foreign.payload();
     if payload_representation(&envelope, &payload) != Some(Representation::String) {
         payload = in_string_form(&envelope, &payload, limits)
             .map_err(|error| format!("the message cannot be put into string form: {error}"))?;
@@ -93,14 +102,27 @@ fn for_bridge(
     });
     envelope.overlays.push(overlay);
     let mut head = Encoded::new();
-    encode_envelope(EnvelopeRepresentation::Xml, &envelope, &mut head)
-        .map_err(|error| error.to_string())?;
+    let form = Dialect::JadeBridge.envelope_representation();
+    encode_envelope_as(
+        Dialect::JadeBridge,
+        form,
+        &envelope,
+        payload.len(),
+        &mut head,
+    )
+    .map_err(|error| error.to_string())?;
     Ok(vec![head.take_bytes(), payload])
 }
 
 fn in_string_form(envelope: &Envelope, payload: &Bytes, limits: &Limits) -> Result<Bytes, String> {
     let message = decode_payload(envelope, payload, limits).map_err(|e| e.to_string())?;
     let mut text = Encoded::new();
-    encode_message(&Representation::String, &message, &mut text).map_err(|e| e.to_string())?;
+    encode_message_as(
+        Dialect::JadeBridge,
+        &Representation::String,
+        &message,
+        &mut text,
+    )
+    .map_err(|e| e.to_string())?;
     Ok(text.take_bytes())
 }

@@ -82,6 +82,8 @@ pub struct Mts {
     outputs: VecDeque<Output>,
     random: fastrand::Rng,
     next_id: u64,
+    /// What the numbers of our stamps begin with.
+    own_stamp: String,
     stamps: u64,
     closing: bool,
 }
@@ -123,6 +125,7 @@ impl Mts {
             outputs: VecDeque::new(),
             random: fastrand::Rng::with_seed(config.seed),
             next_id: 0,
+            own_stamp: format!("{}:", config.instance),
             stamps: 0,
             closing: false,
             config,
@@ -257,10 +260,11 @@ impl Machine for Mts {
             self.answer_whole(now, origin, Outcome::Refused, reason);
             return;
         }
+        let head = head.take_bytes();
         let inbound = Inbound {
-            parts: vec![head.take_bytes(), payload.clone()],
+            payload: head.len(),
+            parts: vec![head, payload],
             envelope,
-            payload,
             from: None,
             via: None,
             patterns: true,

@@ -16,6 +16,7 @@ use super::neighbours::owner_of;
 use super::posting::preference;
 use super::programs::Local;
 use crate::machine::{ConnId, Output};
+use crate::pieces::joined;
 
 /// Stamps that a letter may bear before it is taken for one that travels in circles (SC00067F
 /// section 4 leaves the number open).
@@ -27,7 +28,8 @@ pub(super) struct Inbound {
     /// Its octets, in parts that follow each other. They are passed on as they are.
     pub(super) parts: Vec<Bytes>,
     pub(super) envelope: Envelope,
-    pub(super) payload: Bytes,
+    /// Where the payload begins.
+    pub(super) payload: usize,
     /// The service that passed it on to us.
     pub(super) from: Option<Text>,
     /// The transport by which it came.
@@ -107,11 +109,7 @@ impl Mts {
 
     /// Whether we have stamped the letter before.
     fn has_been_here(&self, envelope: &Envelope) -> bool {
-        let own = self.config.instance.to_string();
-        let ours = |id: &Text| {
-            id.strip_prefix(own.as_str())
-                .is_some_and(|r| r.starts_with(':'))
-        };
+        let ours = |id: &Text| id.starts_with(self.own_stamp.as_str());
         envelope
             .stamps()
             .any(|stamp| stamp.id.as_ref().is_some_and(ours))
@@ -301,7 +299,7 @@ impl Mts {
                 },
                 to,
                 parts: inbound.parts.clone(),
-                payload: inbound.payload.clone(),
+                payload: inbound.payload,
                 addresses,
                 transports: terms.transports.clone(),
             })
@@ -322,7 +320,7 @@ impl Mts {
         envelope.overlays.push(overlay);
         let letter = Letter {
             envelope,
-            payload: inbound.payload.clone(),
+            payload: joined(&inbound.parts, inbound.payload),
         };
         let via = Some(Text::from_static("local"));
         let Some(Local::Mailbox(mailbox)) = self.locals.get_mut(name) else {
@@ -354,10 +352,7 @@ impl Mts {
                 by: self.config.name.clone(),
                 from: inbound.from.clone(),
                 date: FipaTime::from_unix_millis(now.unix_millis),
-                id: Some(Text::from(format!(
-                    "{}:{}",
-                    self.config.instance, self.stamps
-                ))),
+                id: Some(Text::from(format!("{}{}", self.own_stamp, self.stamps))),
                 via: inbound.via.map(Text::from_static),
                 user_defined: Vec::new(),
             }),

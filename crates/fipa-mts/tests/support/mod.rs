@@ -129,7 +129,7 @@ impl Raw {
         self.say(Frame::Letter(LetterFrame {
             id,
             ttl_millis: 10_000,
-            parts: vec![octets.into()],
+            parts: octets.into().into(),
         }));
     }
 

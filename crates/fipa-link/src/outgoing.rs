@@ -1,0 +1,91 @@
+//! What waits to be written to a link.
+
+use std::collections::VecDeque;
+
+use bytes::{Bytes, BytesMut};
+
+use crate::Frame;
+
+/// Octets of the buffer in which frames and the heads of letters are written: of a link at rest,
+/// and of one that is at work.
+const SMALL: usize = 1 << 10;
+const WIDE: usize = 16 << 10;
+
+/// Room that a frame finds; a larger one makes its own.
+const FRAME: usize = 256;
+
+/// Parts for which a link at rest keeps room.
+const IDLE_PARTS: usize = 32;
+
+/// Frames that wait, in parts that are written one after the other.
+#[derive(Debug, Default)]
+pub(crate) struct Outgoing {
+    parts: VecDeque<Bytes>,
+    /// What follows the parts: frames side by side, until a letter comes between.
+    tail: BytesMut,
+    wide: bool,
+    octets: usize,
+}
+
+impl Outgoing {
+    pub(crate) fn push_octets(&mut self, octets: &[u8]) {
+        self.make_room();
+        self.tail.extend_from_slice(octets);
+        self.octets += octets.len();
+    }
+
+    pub(crate) fn push(&mut self, frame: Frame) {
+        self.make_room();
+        let before = self.tail.len();
+        let letter = frame.encode(&mut self.tail);
+        self.octets += self.tail.len() - before;
+        let octets = letter.octets();
+        if octets > 0 {
+            self.parts.push_back(self.tail.split().freeze());
+            self.parts.extend(letter);
+            self.octets += octets;
+        }
+    }
+
+    /// The next octets to write.
+    pub(crate) fn pop(&mut self) -> Option<Bytes> {
+        let part = match self.parts.pop_front() {
+            Some(part) => part,
+            None if self.tail.is_empty() => {
+                self.rest();
+                return None;
+            }
+            None => self.tail.split().freeze(),
+        };
+        self.octets -= part.len();
+        Some(part)
+    }
+
+    /// Octets that wait.
+    pub(crate) fn octets(&self) -> usize {
+        self.octets
+    }
+
+    /// A buffer whose parts are all written is used again; else the next one is larger the more
+    /// there is to do.
+    fn make_room(&mut self) {
+        if self.tail.try_reclaim(FRAME) {
+            return;
+        }
+        if !self.tail.is_empty() {
+            self.parts.push_back(self.tail.split().freeze());
+        }
+        self.wide = self.octets > SMALL;
+        self.tail = BytesMut::with_capacity(if self.wide { WIDE } else { SMALL });
+    }
+
+    /// A link without work keeps next to nothing.
+    fn rest(&mut self) {
+        if std::mem::take(&mut self.wide) {
+            self.tail = BytesMut::new();
+        }
+        if self.parts.capacity() > IDLE_PARTS {
+            self.parts = VecDeque::new();
+        }
+    }
+}
