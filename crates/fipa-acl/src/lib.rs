@@ -9,8 +9,8 @@
 //! are (FIPA SC00061G, SC00037J, SC00067F), and how to build and answer a message.
 //! **Never knows** how they look on a wire, who they are for, what time it is, or a runtime.
 //!
-//! Text and content are slices of shared buffers ([`Text`], [`bytes::Bytes`]): building from
-//! `&str` copies, decoding a received buffer does not.
+//! Contents are slices of shared buffers ([`bytes::Bytes`]), and so are texts but short ones, which
+//! are held within their values ([`Text`]): decoding a received buffer allocates for neither.
 //!
 //! ```
 //! use fipa_acl::{AgentId, Message, Performative};

@@ -243,8 +243,10 @@ impl CivilTime {
     /// The civil time in UTC of a point in time.
     pub fn from_unix_millis(unix_millis: i64) -> CivilTime {
         let unix_millis = unix_millis.clamp(YEAR_0, YEAR_10000 - 1);
-        let (year, month, day) = civil_from_days(unix_millis.div_euclid(DAY));
-        let rest = unix_millis.rem_euclid(DAY);
+        // 32 bits hold the days and the milliseconds of a day; they are divided faster.
+        let since_year_0 = (unix_millis - YEAR_0) as u64;
+        let (year, month, day) = civil_from_days((since_year_0 / DAY as u64) as u32);
+        let rest = (since_year_0 % DAY as u64) as u32;
         CivilTime {
             year,
             month,
@@ -277,35 +279,40 @@ impl CivilTime {
             return Err(InvalidTime("the milliseconds are more than 999"));
         }
         let seconds =
-            i64::from(self.hour) * 3600 + i64::from(self.minute) * 60 + i64::from(self.second);
-        Ok(days_from_civil(self.year, self.month, self.day) * DAY
-            + seconds * 1000
-            + i64::from(self.millis))
+            u32::from(self.hour) * 3600 + u32::from(self.minute) * 60 + u32::from(self.second);
+        let days = days_from_civil(self.year.into(), self.month.into(), self.day.into());
+        let of_day = seconds * 1000 + u32::from(self.millis);
+        Ok(YEAR_0 + i64::from(days) * DAY + i64::from(of_day))
     }
 }
 
-/// Days since 1970-01-01, counted in eras of 400 years that begin in March.
-fn days_from_civil(year: u16, month: u8, day: u8) -> i64 {
-    let year = i64::from(year) - i64::from(month <= 2);
-    let era = year.div_euclid(400);
-    let year_of_era = year.rem_euclid(400);
-    let month_from_march = (i64::from(month) + 9) % 12;
-    let day_of_year = (153 * month_from_march + 2) / 5 + i64::from(day) - 1;
-    let day_of_era = year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
-    era * 146_097 + day_of_era - 719_468
+/// Days of an era of 400 years, after which the calendar repeats itself.
+const ERA: u32 = 146_097;
+
+/// Days from 0000-01-01 to the next March, with which the years of eras begin.
+const TO_MARCH: u32 = 60;
+
+/// Days since 0000-01-01.
+fn days_from_civil(year: u32, month: u32, day: u32) -> u32 {
+    // One era more, because January of the year 0 is in front of the first one.
+    let year = year + 400 - u32::from(month <= 2);
+    let month_from_march = (month + 9) % 12;
+    let day_of_year = (153 * month_from_march + 2) / 5 + day - 1;
+    let leap_days = year / 4 - year / 100 + year / 400;
+    year * 365 + leap_days + day_of_year + TO_MARCH - ERA
 }
 
-fn civil_from_days(days: i64) -> (u16, u8, u8) {
-    let days = days + 719_468;
-    let era = days.div_euclid(146_097);
-    let day_of_era = days.rem_euclid(146_097);
+/// Year, month and day of so many days since 0000-01-01.
+fn civil_from_days(days: u32) -> (u16, u8, u8) {
+    let days = days + ERA - TO_MARCH;
+    let (era, day_of_era) = (days / ERA, days % ERA);
     let year_of_era =
         (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let month_from_march = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
     let month = (month_from_march + 2) % 12 + 1;
-    let year = era * 400 + year_of_era + i64::from(month <= 2);
+    let year = era * 400 + year_of_era + u32::from(month <= 2) - 400;
     (year as u16, month as u8, day as u8)
 }
 

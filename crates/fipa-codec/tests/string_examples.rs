@@ -3,7 +3,7 @@
 mod string_support;
 
 use bytes::Bytes;
-use fipa_acl::{AgentId, Expression, FipaTime, Message, Performative, Relative};
+use fipa_acl::{AgentId, Expression, FipaTime, Message, Performative, Relative, Text};
 use fipa_codec::string::encode_message;
 use fipa_codec::{EncodeError, Output};
 use string_support::{octets_of, read};
@@ -189,13 +189,14 @@ fn long_content_is_shared_in_both_directions() {
 }
 
 #[test]
-fn texts_share_the_input() {
+fn longer_texts_share_the_input() {
+    let long = |text: &str| text.to_owned() + &"z".repeat(Text::SHORT);
     let octets = octets_of(
         &inform()
-            .from_agent(AgentId::new("a").address("http://a"))
-            .language("two words")
-            .protocol("p")
-            .user_defined("n", "v"),
+            .from_agent(AgentId::new(long("a")).address(long("http://a")))
+            .language(long("two words"))
+            .protocol(long("p"))
+            .user_defined(long("n"), long("v")),
     );
     let message = fipa_codec::string::decode_message(&octets, &Default::default()).unwrap();
     let sender = message.sender.unwrap();

@@ -130,10 +130,11 @@ fn the_ways_of_jade_to_write_octets_are_undone() {
 
 #[test]
 fn values_share_the_buffer_of_the_input() {
+    let long = "long".repeat(8);
     for content in ["text", "<![CDATA[text]]>", "text & more", "te<xt", "href"] {
         let input = octets(format!(
-            "<fipa-message act='inform'><content>{content}</content><ontology>long</ontology>\
-             <protocol href='protocol'/></fipa-message>",
+            "<fipa-message act='inform'><content>{content}</content><ontology>{long}</ontology>\
+             <protocol href='{long}'/></fipa-message>",
         ));
         let within = input.as_ptr_range();
         let message = decode_message(&input, &Limits::default()).unwrap();

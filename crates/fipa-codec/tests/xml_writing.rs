@@ -223,6 +223,7 @@ fn what_is_written_is_well_formed() {
     let known = [
         written_envelope(&full_envelope()),
         written(&inform().content("\0")),
+        written(&inform().content("<a>&</a>]")),
     ];
     check_with_xmllint(sample(50).into_iter().chain(known));
 }
@@ -236,6 +237,38 @@ fn a_long_content_is_passed_on_by_reference() {
     assert_eq!(parts.parts().len(), 3);
     assert_eq!(parts.parts()[1].as_ptr(), content.as_ptr());
     assert!(parts.remaining() > content.len());
+}
+
+#[test]
+fn a_content_with_much_markup_is_written_in_a_section_if_it_can_be() {
+    for (content, expected) in [
+        ("<<<<", "&lt;&lt;&lt;&lt;"),
+        ("<<<<<", "<![CDATA[<<<<<]]>"),
+        ("<a>&amp;</a>]", "<![CDATA[<a>&amp;</a>]]]>"),
+        ("<a>]]</a>", "&lt;a&gt;]]&lt;/a&gt;"),
+        ("<<<<<\r", "&lt;&lt;&lt;&lt;&lt;&#13;"),
+        ("<<<<]]>", "&lt;&lt;&lt;&lt;]]&gt;"),
+    ] {
+        let message = inform().content(content);
+        let text = text_of(&message);
+        assert!(
+            text.contains(&format!("<content>{expected}</content>")),
+            "{text}"
+        );
+        assert_eq!(read(&text), message);
+    }
+}
+
+#[test]
+fn a_long_content_in_a_section_is_passed_on_by_reference() {
+    let content = Bytes::from("<line>&</line>\n".repeat(10_000));
+    let message = inform().content(content.clone());
+    let mut out = Output::new();
+    encode_message(&message, &mut out).unwrap();
+    let mut parts = out.take();
+    assert_eq!(parts.parts()[1].as_ptr(), content.as_ptr());
+    let octets = parts.copy_to_bytes(parts.remaining());
+    assert_eq!(read(std::str::from_utf8(&octets).unwrap()), message);
 }
 
 #[test]

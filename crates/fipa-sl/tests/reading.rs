@@ -248,8 +248,8 @@ fn a_language_names_a_profile() {
 }
 
 #[test]
-fn texts_share_the_buffer_they_were_read_from() {
-    let octets = Bytes::from_static(b"((open \"the gripper\"))");
+fn long_texts_share_the_buffer_they_were_read_from() {
+    let octets = Bytes::from_static(b"((open \"the gripper of the left arm\"))");
     let content = Content::parse(&octets, &Limits::default()).unwrap();
     let open = content.first().functional("open").unwrap();
     let text: Text = open.positional()[0].as_text().unwrap();

@@ -134,6 +134,25 @@ struct Fields {
 
 impl Fields {
     fn of(date: &[u8], time: &[u8]) -> Option<Fields> {
+        Fields::with_millis(date, time).or_else(|| Fields::of_any(date, time))
+    }
+
+    /// As nearly everybody writes them.
+    #[inline]
+    fn with_millis(date: &[u8], time: &[u8]) -> Option<Fields> {
+        let (time, [last @ b'0'..=b'9']) = time.split_first_chunk()? else {
+            return None;
+        };
+        let [century, year, month, day] = four_pairs(*date.first_chunk()?)?;
+        let [hour, minute, second, millis] = four_pairs(*time)?;
+        Some(Fields {
+            year: u16::from(century) * 100 + u16::from(year),
+            pairs: [month, day, hour, minute, second],
+            millis: u16::from(millis) * 10 + u16::from(last - b'0'),
+        })
+    }
+
+    fn of_any(date: &[u8], time: &[u8]) -> Option<Fields> {
         if !is_digits(date) || !is_digits(time) || !matches!(time.len(), 6 | 9) {
             return None;
         }
@@ -179,6 +198,22 @@ impl Fields {
             millis: self.millis,
         }))
     }
+}
+
+/// The numbers in eight digits, two each.
+#[inline]
+fn four_pairs(digits: [u8; 8]) -> Option<[u8; 4]> {
+    const fn each(octet: u8) -> u64 {
+        u64::from_le_bytes([octet; 8])
+    }
+    // What is more than nine becomes more than 7F, or is it already.
+    let digits = u64::from_le_bytes(digits) ^ each(b'0');
+    if (digits | digits.wrapping_add(each(0x7f - 9))) & each(0x80) != 0 {
+        return None;
+    }
+    // Each first digit is in the lower octet of its two.
+    let [first, _, second, _, third, _, fourth, _] = (digits * 10 + (digits >> 8)).to_le_bytes();
+    Some([first, second, third, fourth])
 }
 
 /// The number in up to four digits.

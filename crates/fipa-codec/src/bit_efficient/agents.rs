@@ -51,8 +51,8 @@ impl<'a> Reader<'a> {
             self.count_item()?;
             let name = self.agent_name(notation, depth)?;
             // Nearly always it is the only one, for which a vector makes too much room.
-            if agents.is_empty() {
-                agents.reserve_exact(1);
+            if agents.capacity() == 0 {
+                *agents = Vec::with_capacity(1);
             }
             // In its place: moving an identifier costs more than reading it.
             self.take_with(name, |name| agents.push(named(name)));

@@ -75,7 +75,7 @@ pub(super) fn write_any(
     out: &mut BytesMut,
 ) -> Result<(), EncodeError> {
     if octets.contains(&0) {
-        return write_counted(octets, parameter, out);
+        return write_counted(octets, out).map_err(|why| why.within(parameter));
     }
     out.put_u8(0x14);
     write_null_terminated(octets, parameter, out)

@@ -2,11 +2,10 @@ use bytes::BufMut;
 use fipa_acl::{Expression, Text};
 
 use super::code_table::{Coding, Kind};
-use super::message_writer::Writer;
+use super::message_writer::{Refusal, Writer};
 use super::numbers::{is_number, write_digits};
 use super::scan::is_plain;
-use super::writer::write_counted;
-use crate::EncodeError;
+use super::writer::{TooLong, write_counted};
 
 /// Whatever stands behind a code is written together with it: each step has its price.
 impl Writer<'_> {
@@ -17,21 +16,20 @@ impl Writer<'_> {
         &mut self,
         code: Option<u8>,
         value: &Expression,
-        parameter: &'static str,
-    ) -> Result<(), EncodeError> {
+    ) -> Result<(), Refusal> {
         match value {
             Expression::Word(text) | Expression::String(text) | Expression::Number(text) => {
-                self.word_or_string(code, text, parameter)
+                self.word_or_string(code, text)
             }
             Expression::List(items) => {
                 self.put_code(code);
-                self.list(items, parameter)
+                self.list(items)
             }
         }
     }
 
     /// Each parenthesis and token stands alone: fused ones are read differently by peers.
-    fn list(&mut self, items: &[Expression], parameter: &'static str) -> Result<(), EncodeError> {
+    fn list(&mut self, items: &[Expression]) -> Result<(), Refusal> {
         self.out.put_u8(0x60);
         for item in items {
             match item {
@@ -40,10 +38,10 @@ impl Writer<'_> {
                     write_digits(text.as_bytes(), self.out);
                 }
                 Expression::Word(text) | Expression::Number(text) => {
-                    self.word_or_string(None, text, parameter)?;
+                    self.word_or_string(None, text)?;
                 }
-                Expression::String(text) => self.string(None, text, parameter)?,
-                Expression::List(inner) => self.list(inner, parameter)?,
+                Expression::String(text) => self.string(None, text)?,
+                Expression::List(inner) => self.list(inner)?,
             }
         }
         self.out.put_u8(0x40);
@@ -51,29 +49,19 @@ impl Writer<'_> {
     }
 
     #[inline]
-    fn word_or_string(
-        &mut self,
-        code: Option<u8>,
-        text: &Text,
-        parameter: &'static str,
-    ) -> Result<(), EncodeError> {
+    fn word_or_string(&mut self, code: Option<u8>, text: &Text) -> Result<(), Refusal> {
         if text.is_word() {
             self.legal_word(code, text.as_bytes());
             return Ok(());
         }
-        self.string(code, text, parameter)
+        self.string(code, text)
     }
 
     /// BinWord behind a code.
     #[inline]
-    pub(super) fn word(
-        &mut self,
-        code: Option<u8>,
-        text: &Text,
-        parameter: &'static str,
-    ) -> Result<(), EncodeError> {
+    pub(super) fn word(&mut self, code: Option<u8>, text: &Text) -> Result<(), Refusal> {
         if !text.is_word() {
-            return Err(not_a_word(parameter));
+            return Err(Refusal::NotAWord);
         }
         self.legal_word(code, text.as_bytes());
         Ok(())
@@ -94,19 +82,23 @@ impl Writer<'_> {
 
     /// A string literal behind a code, or a counted string for what would read differently in a
     /// literal.
-    fn string(
-        &mut self,
-        code: Option<u8>,
-        text: &str,
-        parameter: &'static str,
-    ) -> Result<(), EncodeError> {
+    #[inline]
+    fn string(&mut self, code: Option<u8>, text: &Text) -> Result<(), Refusal> {
         let octets = text.as_bytes();
-        if is_plain(octets) {
-            self.plain_literal(code, octets);
-        } else if text.contains('\0') || text.ends_with('\\') || text.contains("\\\"") {
+        if !is_plain(octets) {
+            return self.string_to_escape(code, text);
+        }
+        self.plain_literal(code, octets);
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn string_to_escape(&mut self, code: Option<u8>, text: &str) -> Result<(), Refusal> {
+        let octets = text.as_bytes();
+        if text.contains('\0') || text.ends_with('\\') || text.contains("\\\"") {
             if !self.is_coded(code, Kind::Counted, octets) {
                 self.put_code(code);
-                write_counted(octets, parameter, self.out)?;
+                write_counted(octets, self.out).map_err(|TooLong| Refusal::TooLong)?;
             }
         } else if !self.is_coded(code, Kind::Literal, octets) {
             self.put_code(code);
@@ -173,13 +165,5 @@ impl Writer<'_> {
         self.put_code(high);
         self.out.put_u8(low);
         true
-    }
-}
-
-#[cold]
-fn not_a_word(parameter: &'static str) -> EncodeError {
-    EncodeError {
-        parameter,
-        what: "not a word",
     }
 }

@@ -1,8 +1,8 @@
 //! Bit-efficient messages (FIPA SC00069G) and envelopes (FIPA SC00088D).
 //!
-//! Writing is strict unless a [`Dialect`] is given; reading accepts what known peers write. Texts
-//! and contents that were read share the buffer of the input. Without a [`CodeTable`] a message
-//! that announces one is read as long as nothing is taken from it.
+//! Writing is strict unless a [`Dialect`] is given; reading accepts what known peers write.
+//! Contents and longer texts that were read share the buffer of the input. Without a [`CodeTable`]
+//! a message that announces one is read as long as nothing is taken from it.
 
 mod agents;
 mod agents_writer;

@@ -1,7 +1,7 @@
 use bytes::Bytes;
 
 use super::code_table::Coding;
-use super::scan::find_octet;
+use super::scan::{find_zero, find_zero_or_backslash};
 use crate::{DecodeError, Fault, Limits};
 
 /// Where the octets are read: a cursor that never goes beyond its end.
@@ -127,13 +127,26 @@ impl<'a> Reader<'a> {
     /// The octets up to the next zero octet, which is stepped over.
     #[inline(always)]
     pub(super) fn until_zero(&mut self) -> Result<&'a [u8], DecodeError> {
-        let found = find_octet::<0>(self.rest);
+        let found = find_zero(self.rest);
         match found.and_then(|len| self.rest.split_at_checked(len)) {
             Some((octets, [_, rest @ ..])) => {
                 self.rest = rest;
                 Ok(octets)
             }
             _ => Err(self.unterminated()),
+        }
+    }
+
+    /// The same if there is no backslash among them; else nothing is stepped over.
+    #[inline(always)]
+    pub(super) fn until_zero_without_backslash(&mut self) -> Option<&'a [u8]> {
+        let len = find_zero_or_backslash(self.rest)?;
+        match self.rest.split_at_checked(len)? {
+            (octets, [0, rest @ ..]) => {
+                self.rest = rest;
+                Some(octets)
+            }
+            _ => None,
         }
     }
 

@@ -1,22 +1,47 @@
-/// Where an octet is for the first time. Texts are short: to look at eight octets at a time is
-/// faster than to call what is fast for long ones.
+/// Where the zero octet is, or a backslash in front of it.
 #[inline]
-pub(super) fn find_octet<const OCTET: u8>(octets: &[u8]) -> Option<usize> {
+pub(super) fn find_zero_or_backslash(octets: &[u8]) -> Option<usize> {
+    find(
+        octets,
+        |word| zeros(word) | zeros(word ^ each(b'\\')),
+        |rest| memchr::memchr2(0, b'\\', rest),
+    )
+}
+
+/// Where the zero octet is.
+#[inline]
+pub(super) fn find_zero(octets: &[u8]) -> Option<usize> {
+    find(octets, zeros, |rest| memchr::memchr(0, rest))
+}
+
+/// Where octets are for the first time. Texts are short: to look at eight octets at a time is
+/// faster than to call what is fast for long ones.
+///
+/// The lowest bit that `hits` finds in a word is the highest one of the first such octet.
+#[inline(always)]
+fn find(
+    octets: &[u8],
+    hits: impl Fn(u64) -> u64,
+    search: impl Fn(&[u8]) -> Option<usize>,
+) -> Option<usize> {
     let mut rest = octets;
     for begin in [0, 8, 16, 24] {
         let Some((word, behind)) = rest.split_first_chunk() else {
-            return rest.iter().position(|o| *o == OCTET).map(|at| begin + at);
+            break;
         };
-        // The octet becomes zero, and of the bits that are left the lowest is that of the first
-        // zero octet.
-        let word = u64::from_le_bytes(*word) ^ each(OCTET);
-        let zeros = word.wrapping_sub(each(1)) & !word & each(0x80);
-        if zeros != 0 {
-            return Some(begin + zeros.trailing_zeros() as usize / 8);
+        let hits = hits(u64::from_le_bytes(*word));
+        if hits != 0 {
+            return Some(begin + hits.trailing_zeros() as usize / 8);
         }
         rest = behind;
     }
-    memchr::memchr(OCTET, rest).map(|at| octets.len() - rest.len() + at)
+    search(rest).map(|at| octets.len() - rest.len() + at)
+}
+
+/// The highest bits of octets that are zero, and perhaps of others behind the first one.
+#[inline]
+fn zeros(word: u64) -> u64 {
+    word.wrapping_sub(each(1)) & !word & each(0x80)
 }
 
 /// Whether a string literal can hold these octets as they are.

@@ -5,7 +5,6 @@ use fipa_acl::Text;
 
 use super::code_table::{Kind, NO_ENTRY};
 use super::reader::Reader;
-use super::scan::find_octet;
 use crate::{DecodeError, Fault};
 
 /// How a text stands there.
@@ -91,22 +90,22 @@ impl<'a> Reader<'a> {
     #[inline(always)]
     pub(super) fn take(&self, found: Found<'a>) -> Text {
         if found.shape == Shape::Plain
-            && let Ok(text) = Text::from_utf8(self.share(found.octets))
+            && let Some(text) = Text::short(found.octets)
         {
             return text;
         }
-        self.mend(found)
+        self.take_long(found)
     }
 
     /// Hands the text over: what is put to its place in two ways is not moved about before.
     #[inline(always)]
     pub(super) fn take_with(&self, found: Found<'a>, mut put: impl FnMut(Text)) {
         if found.shape == Shape::Plain
-            && let Ok(text) = Text::from_utf8(self.share(found.octets))
+            && let Some(text) = Text::short(found.octets)
         {
             put(text);
         } else {
-            put(self.mend(found));
+            put(self.take_long(found));
         }
     }
 
@@ -138,8 +137,14 @@ impl<'a> Reader<'a> {
         Ok(self.take(found))
     }
 
-    #[cold]
-    fn mend(&self, found: Found<'a>) -> Text {
+    /// A text that is not held within its value, or something is to be mended in it.
+    #[inline(never)]
+    fn take_long(&self, found: Found<'a>) -> Text {
+        if found.shape == Shape::Plain
+            && let Ok(text) = Text::from_utf8(self.share(found.octets))
+        {
+            return text;
+        }
         Text::from_utf8_lossy(self.take_octets(found))
     }
 
@@ -198,15 +203,22 @@ impl<'a> Reader<'a> {
         {
             return Ok(Found::from(octets));
         }
-        let octets = self.until_zero()?;
-        Ok(match octets {
+        match self.until_zero_without_backslash() {
+            Some([b'"', octets @ .., b'"']) => Ok(Found::from(octets)),
+            Some(octets) => Ok(Found::from(without_byte_length(octets))),
+            None => self.literal_with_backslash(),
+        }
+    }
+
+    #[cold]
+    fn literal_with_backslash(&mut self) -> Result<Found<'a>, DecodeError> {
+        Ok(match self.until_zero()? {
             [b'"', octets @ .., b'"'] if has_escapes(octets) => Found {
                 octets,
                 shape: Shape::Escaped,
             },
             [b'"', octets @ .., b'"'] => Found::from(octets),
-            [b'#', ..] => Found::from(without_byte_length(octets)),
-            _ => Found::from(octets),
+            octets => Found::from(without_byte_length(octets)),
         })
     }
 
@@ -222,16 +234,20 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Nearly always there is no backslash at all, which is found out faster.
-#[inline]
 fn has_escapes(text: &[u8]) -> bool {
-    find_octet::<b'\\'>(text).is_some() && text.windows(2).any(|pair| pair == b"\\\"")
+    text.windows(2).any(|pair| pair == b"\\\"")
 }
 
-#[cold]
+/// What is behind `#n"`, if the text begins like that.
+#[inline]
 fn without_byte_length(text: &[u8]) -> &[u8] {
-    let prefix = byte_length(text).map_or(0, |(_, prefix)| prefix);
-    text.get(prefix..).unwrap_or_default()
+    match text {
+        [b'#', ..] => {
+            let prefix = byte_length(text).map_or(0, |(_, prefix)| prefix);
+            text.get(prefix..).unwrap_or_default()
+        }
+        _ => text,
+    }
 }
 
 /// The n of `#n"` and how many octets these are.

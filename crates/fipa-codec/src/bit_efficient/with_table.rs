@@ -97,7 +97,7 @@ pub fn encode_message_with(
     write_parameters(message, options, None, &mut plain)?;
     let learns = table.has_room_for(plain.len());
     if let Some(content) = &message.content {
-        write_length(content.len(), "content", &mut plain)?;
+        write_length(content.len(), &mut plain).map_err(|why| why.within("content"))?;
     }
     out.reserve(expected_len(message));
     out.all_or_nothing(|out| {

@@ -6,48 +6,43 @@ use crate::decimal::Decimal;
 pub(super) use crate::user_names::without_prefix;
 
 /// The name of a user-defined parameter as it follows `X-` in a BinWord.
-pub(super) fn user_name(name: &str) -> Result<&str, EncodeError> {
+pub(super) fn user_name(name: &str) -> Option<&str> {
     let name = without_prefix(name);
     let fits = |octet| matches!(octet, 0x21..=0x7f) && !matches!(octet, b'(' | b')');
-    if name.is_empty() || !name.bytes().all(fits) {
-        return Err(EncodeError {
-            parameter: "user-defined",
-            what: "the name is not a word",
-        });
+    (!name.is_empty() && name.bytes().all(fits)).then_some(name)
+}
+
+/// More than a length in 32 bits can tell.
+pub(super) struct TooLong;
+
+impl TooLong {
+    pub(super) const WHAT: &str = "more than 4 GiB";
+
+    pub(super) fn within(self, parameter: &'static str) -> EncodeError {
+        let what = TooLong::WHAT;
+        EncodeError { parameter, what }
     }
-    Ok(name)
 }
 
 /// BinString of SC00069G with a length in as few octets as will do.
-pub(super) fn write_counted(
-    octets: &[u8],
-    parameter: &'static str,
-    out: &mut BytesMut,
-) -> Result<(), EncodeError> {
-    write_length(octets.len(), parameter, out)?;
+pub(super) fn write_counted(octets: &[u8], out: &mut BytesMut) -> Result<(), TooLong> {
+    write_length(octets.len(), out)?;
     out.put_slice(octets);
     Ok(())
 }
 
 /// The part of a BinString that precedes its octets.
-pub(super) fn write_length(
-    octets: usize,
-    parameter: &'static str,
-    out: &mut BytesMut,
-) -> Result<(), EncodeError> {
+pub(super) fn write_length(octets: usize, out: &mut BytesMut) -> Result<(), TooLong> {
     if let Ok(len) = u8::try_from(octets) {
         out.put_slice(&[0x16, len]);
     } else if let Ok(len) = u16::try_from(octets) {
-        out.put_u8(0x17);
-        out.put_u16(len);
+        let [high, low] = len.to_be_bytes();
+        out.put_slice(&[0x17, high, low]);
     } else if let Ok(len) = u32::try_from(octets) {
         out.put_u8(0x19);
         out.put_u32(len);
     } else {
-        return Err(EncodeError {
-            parameter,
-            what: "more than 4 GiB",
-        });
+        return Err(TooLong);
     }
     Ok(())
 }

@@ -3,7 +3,6 @@ use fipa_acl::{AgentId, Expression, Text, UserDefined};
 use super::keywords::{self, Keyword, Parameter};
 use super::reader::Reader;
 use super::scan::find_byte_length;
-use super::tokens::Name;
 use crate::{DecodeError, Fault};
 
 const AGENT: Keyword = Keyword::new(b"agent-identifier");
@@ -20,7 +19,8 @@ impl Reader<'_> {
     /// alone is a set of one.
     fn agents_at(&mut self, depth: usize) -> Result<Vec<AgentId>, DecodeError> {
         self.open("a set of agents is missing")?;
-        let mut agents = Vec::new();
+        // Nearly always it is the only one, for which a vector makes too much room.
+        let mut agents = Vec::with_capacity(1);
         if self.keyword(&AGENT)? {
             self.count_item()?;
             self.parameters_of(agents.push_mut(AgentId::default()), depth)?;
@@ -79,13 +79,11 @@ impl Reader<'_> {
             agent.user_defined.push(self.counted_parameter()?);
             return Ok(None);
         }
-        let parameter = match self.name(keywords::OF_AGENTS)? {
-            Name::Known(parameter) => parameter,
-            Name::Other(name) => {
-                let parameter = self.user_defined(name)?;
-                agent.user_defined.push(parameter);
-                return Ok(None);
-            }
+        let Some(parameter) = self.known_name(keywords::OF_AGENTS) else {
+            let name = self.other_name()?;
+            let parameter = self.user_defined(name)?;
+            agent.user_defined.push(parameter);
+            return Ok(None);
         };
         match parameter {
             Parameter::Addresses => agent.addresses = self.addresses()?,

@@ -21,30 +21,61 @@ pub(super) enum Parameter {
 }
 
 /// Parameters by their names, none of which begins like another one of its table.
-pub(super) type Parameters = [(Keyword, Parameter)];
+pub(super) struct Parameters {
+    /// Those with the same first letter stand together.
+    named: &'static [(Keyword, Parameter)],
+    /// From where to where, by the five lowest bits of the letter, which its case does not change.
+    by_letter: [(u8, u8); 32],
+}
+
+impl Parameters {
+    const fn new(named: &'static [(Keyword, Parameter)]) -> Parameters {
+        let mut by_letter = [(0, 0); 32];
+        let mut at = 0;
+        while at < named.len() {
+            let letter = named[at].0.value.to_le_bytes()[0] & 31;
+            let (from, to) = by_letter[letter as usize];
+            assert!(from == to || to as usize == at, "not together");
+            let from = if from == to { at as u8 } else { from };
+            by_letter[letter as usize] = (from, at as u8 + 1);
+            at += 1;
+        }
+        Parameters { named, by_letter }
+    }
+
+    /// Those that begin with this letter, and perhaps others.
+    #[inline]
+    fn beginning_with(&self, letter: u8) -> &'static [(Keyword, Parameter)] {
+        let range = self.by_letter.get(usize::from(letter & 31));
+        let range = range.map(|(from, to)| usize::from(*from)..usize::from(*to));
+        self.named
+            .get(range.unwrap_or_default())
+            .unwrap_or_default()
+    }
+}
 
 /// MessageParameter of SC00070I.
-pub(super) static OF_MESSAGES: &Parameters = &[
+pub(super) static OF_MESSAGES: &Parameters = &Parameters::new(&[
     (Keyword::new(b"sender"), Parameter::Sender),
     (Keyword::new(b"receiver"), Parameter::Receiver),
+    (Keyword::new(b"reply-with"), Parameter::ReplyWith),
+    (Keyword::new(b"reply-by"), Parameter::ReplyBy),
+    (Keyword::new(b"reply-to"), Parameter::ReplyTo),
     (Keyword::new(b"content"), Parameter::Content),
+    (Keyword::new(b"conversation-id"), Parameter::ConversationId),
     (Keyword::new(b"language"), Parameter::Language),
     (Keyword::new(b"ontology"), Parameter::Ontology),
     (Keyword::new(b"protocol"), Parameter::Protocol),
-    (Keyword::new(b"conversation-id"), Parameter::ConversationId),
-    (Keyword::new(b"reply-with"), Parameter::ReplyWith),
     (Keyword::new(b"in-reply-to"), Parameter::InReplyTo),
-    (Keyword::new(b"reply-by"), Parameter::ReplyBy),
-    (Keyword::new(b"reply-to"), Parameter::ReplyTo),
     (Keyword::new(b"encoding"), Parameter::Encoding),
-];
+]);
 
 /// AgentIdentifier of SC00070I.
-pub(super) static OF_AGENTS: &Parameters = &[
+pub(super) static OF_AGENTS: &Parameters = &Parameters::new(&[
     (Keyword::new(b"name"), Parameter::Name),
     (Keyword::new(b"addresses"), Parameter::Addresses),
     (Keyword::new(b"resolvers"), Parameter::Resolvers),
-];
+]);
 
 const USER_DEFINED: Keyword = Keyword::new(b"x-");
 
@@ -107,8 +138,9 @@ pub(super) fn window(text: &[u8]) -> u128 {
 /// The parameter with whose name the text begins, and how long that is.
 #[inline]
 pub(super) fn begins_with_name(known: &Parameters, text: &[u8]) -> Option<(Parameter, usize)> {
+    let named = known.beginning_with(*text.first()?);
     let window = window(text);
-    let (keyword, parameter) = known.iter().find(|(keyword, _)| keyword.begins(window))?;
+    let (keyword, parameter) = named.iter().find(|(keyword, _)| keyword.begins(window))?;
     Some((*parameter, keyword.len))
 }
 

@@ -5,7 +5,6 @@ use super::acts::act_named;
 use super::jade;
 use super::keywords::{self, Parameter};
 use super::reader::{Reader, Span};
-use super::tokens::Name;
 use crate::{DecodeError, Fault, dates};
 
 impl Reader<'_> {
@@ -42,13 +41,11 @@ impl Reader<'_> {
 
     /// What comes twice: the last one counts.
     fn parameter(&mut self, message: &mut Message) -> Result<(), DecodeError> {
-        let parameter = match self.name(keywords::OF_MESSAGES)? {
-            Name::Known(parameter) => parameter,
-            Name::Other(name) => {
-                let parameter = self.user_defined(name)?;
-                message.user_defined.push(parameter);
-                return Ok(());
-            }
+        let Some(parameter) = self.known_name(keywords::OF_MESSAGES) else {
+            let name = self.other_name()?;
+            let parameter = self.user_defined(name)?;
+            message.user_defined.push(parameter);
+            return Ok(());
         };
         match parameter {
             Parameter::Sender => self.agent_at(0, message.sender.insert(AgentId::default()))?,

@@ -1,7 +1,7 @@
 //! Messages in string form (FIPA SC00070I).
 //!
-//! Writing is strict unless a [`Dialect`] is given; reading accepts what known peers write. Texts
-//! and contents that were read share the buffer of the input.
+//! Writing is strict unless a [`Dialect`] is given; reading accepts what known peers write. Contents
+//! and longer texts that were read share the buffer of the input.
 //!
 //! An input is read by the rules of the standard first. What cannot be read so is read once more
 //! as one peer writes it, without white space: there a parameter's name ends where a keyword ends,

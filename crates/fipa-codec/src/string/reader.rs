@@ -22,7 +22,8 @@ pub(super) struct Reader<'a> {
     bytes: &'a Bytes,
     /// As many of the bytes as the limit allows for one input.
     input: &'a [u8],
-    at: usize,
+    /// The octets of the input that are not yet read.
+    rest: &'a [u8],
     limits: &'a Limits,
     items_left: usize,
     pass: Pass,
@@ -38,10 +39,11 @@ pub(super) struct Span {
 impl<'a> Reader<'a> {
     pub(super) fn new(bytes: &'a Bytes, limits: &'a Limits, pass: Pass) -> Reader<'a> {
         let end = bytes.len().min(limits.max_octets);
+        let input = bytes.get(..end).unwrap_or_default();
         Reader {
             bytes,
-            input: bytes.get(..end).unwrap_or_default(),
-            at: 0,
+            input,
+            rest: input,
             limits,
             items_left: limits.max_items,
             pass,
@@ -49,8 +51,9 @@ impl<'a> Reader<'a> {
     }
 
     /// Octets read so far.
+    #[inline]
     pub(super) fn position(&self) -> usize {
-        self.at
+        self.input.len() - self.rest.len()
     }
 
     pub(super) fn is_glued(&self) -> bool {
@@ -60,13 +63,23 @@ impl<'a> Reader<'a> {
     /// The octet with which the next token begins.
     #[inline]
     pub(super) fn next(&mut self) -> Result<u8, DecodeError> {
-        while let Some(octet) = self.input.get(self.at) {
-            if !scan::is_blank(*octet) {
-                return Ok(*octet);
+        self.skip_blanks()
+            .ok_or_else(|| self.ends("it ends too soon"))
+    }
+
+    /// The octet with which the next token begins, if there is one.
+    #[inline]
+    pub(super) fn skip_blanks(&mut self) -> Option<u8> {
+        let mut rest = self.rest;
+        let next = loop {
+            match rest {
+                [octet, behind @ ..] if scan::is_blank(*octet) => rest = behind,
+                [octet, ..] => break Some(*octet),
+                [] => break None,
             }
-            self.at += 1;
-        }
-        Err(self.ends("it ends too soon"))
+        };
+        self.rest = rest;
+        next
     }
 
     /// Whether there is more behind what may be read.
@@ -75,43 +88,55 @@ impl<'a> Reader<'a> {
     }
 
     /// Steps over the octet that [`next`](Self::next) gave.
+    #[inline]
     pub(super) fn step(&mut self) {
-        self.at = self.input.len().min(self.at + 1);
+        self.go_on(1);
+    }
+
+    #[inline]
+    fn go_on(&mut self, octets: usize) {
+        self.rest = self.rest.get(octets..).unwrap_or_default();
     }
 
     /// Steps over these octets if they are the next ones.
     pub(super) fn skip(&mut self, octets: &[u8]) {
-        if self.rest().starts_with(octets) {
-            self.at += octets.len();
+        if self.rest.starts_with(octets) {
+            self.go_on(octets.len());
         }
     }
 
     /// What was read since this position, as it stands there.
     pub(super) fn since(&self, start: usize) -> Span {
         Span {
-            octets: start..self.at,
+            octets: start..self.position(),
             escaped: false,
         }
     }
 
     /// The next octets, which must be there.
+    #[inline]
     pub(super) fn take(&mut self, len: usize) -> Span {
-        let octets = self.at..self.at + len;
-        self.at += len;
+        let start = self.position();
+        self.go_on(len);
         Span {
-            octets,
+            octets: start..start + len,
             escaped: false,
         }
     }
 
     /// The next octets, which must be there in quotes.
+    #[inline]
     pub(super) fn take_quoted(&mut self, len: usize, escaped: bool) -> Span {
-        let octets = self.at + 1..self.at + 1 + len;
-        self.at += len + 2;
-        Span { octets, escaped }
+        let start = self.position() + 1;
+        self.go_on(len + 2);
+        Span {
+            octets: start..start + len,
+            escaped,
+        }
     }
 
     /// The octets as they stand in the input.
+    #[inline]
     pub(super) fn raw(&self, span: &Span) -> &'a [u8] {
         self.input.get(span.octets.clone()).unwrap_or_default()
     }
@@ -126,15 +151,25 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The text, shared with the input if it is UTF-8 and there is nothing to unescape.
+    /// The text; a long one shares the input if it is UTF-8 and there is nothing to unescape.
     #[inline]
     pub(super) fn text_of(&self, span: Span) -> Text {
-        if span.escaped {
-            return Text::from_utf8_lossy(self.bytes_of(span));
+        if !span.escaped
+            && let Some(text) = Text::short(self.raw(&span))
+        {
+            return text;
         }
-        let octets = self.bytes.slice(span.octets.clone());
-        Text::from_utf8(octets)
-            .unwrap_or_else(|_| Text::from_utf8_lossy(self.bytes.slice(span.octets)))
+        self.long_text_of(span)
+    }
+
+    #[inline(never)]
+    fn long_text_of(&self, span: Span) -> Text {
+        if !span.escaped
+            && let Ok(text) = Text::from_utf8(self.bytes.slice(span.octets.clone()))
+        {
+            return text;
+        }
+        Text::from_utf8_lossy(self.bytes_of(span))
     }
 
     /// Counts one more entry of a list.
@@ -159,13 +194,13 @@ impl<'a> Reader<'a> {
 
     #[cold]
     pub(super) fn error(&self, fault: Fault, what: &'static str) -> DecodeError {
-        self.error_at(self.at, fault, what)
+        self.error_at(self.position(), fault, what)
     }
 
     /// Where the input is cut off within a token, nobody knows what is wrong with it.
     #[cold]
     pub(super) fn error_at(&self, offset: usize, fault: Fault, what: &'static str) -> DecodeError {
-        let rest = self.rest();
+        let rest = self.rest;
         let (fault, what) = match self.is_cut_off() && scan::word_len(rest) == rest.len() {
             true => TOO_LONG,
             false => (fault, what),
@@ -185,15 +220,16 @@ impl<'a> Reader<'a> {
             false => (Fault::Malformed, what),
         };
         DecodeError {
-            offset: self.at,
+            offset: self.position(),
             fault,
             what,
         }
     }
 
     /// The octets not yet read.
+    #[inline]
     pub(super) fn rest(&self) -> &'a [u8] {
-        self.input.get(self.at..).unwrap_or_default()
+        self.rest
     }
 }
 

@@ -47,6 +47,27 @@ fn word_ends(octets: u64) -> u64 {
     blanks | parentheses
 }
 
+/// Where the first quote is. Most literals are short: to look at eight octets at a time is faster
+/// than to call what is fast for long ones.
+#[inline]
+pub(super) fn find_quote(text: &[u8]) -> Option<usize> {
+    const EACH: u64 = u64::MAX / 0xff;
+    let mut rest = text;
+    for begin in [0, 8, 16, 24] {
+        let Some((eight, behind)) = rest.split_first_chunk() else {
+            break;
+        };
+        // The lowest bit that is left is in the first octet that became zero.
+        let word = u64::from_le_bytes(*eight) ^ (EACH * u64::from(b'"'));
+        let quotes = word.wrapping_sub(EACH) & !word & (EACH << 7);
+        if quotes != 0 {
+            return Some(begin + (quotes.trailing_zeros() / 8) as usize);
+        }
+        rest = behind;
+    }
+    memchr::memchr(b'"', rest).map(|at| text.len() - rest.len() + at)
+}
+
 /// The n of `#n"` at the beginning of the text, and how many octets these are.
 pub(super) fn byte_length(text: &[u8]) -> Option<(usize, usize)> {
     let digits = text.strip_prefix(b"#")?;

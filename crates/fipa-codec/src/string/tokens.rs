@@ -1,13 +1,7 @@
 use super::keywords::{self, Keyword, Parameter, Parameters, glued_name_len, glued_word_len};
 use super::reader::{Reader, Span};
-use super::scan::{byte_length, ends_word, word_len};
+use super::scan::{byte_length, ends_word, find_quote, word_len};
 use crate::{DecodeError, Fault};
-
-/// The name of a parameter.
-pub(super) enum Name {
-    Known(Parameter),
-    Other(Span),
-}
 
 impl Reader<'_> {
     /// Steps over an opening parenthesis.
@@ -47,24 +41,28 @@ impl Reader<'_> {
         self.is_glued() || behind.is_none_or(|octet| ends_word(*octet))
     }
 
-    /// The name of a parameter with its colon.
+    /// Steps over the name of a parameter with its colon, if it is one of those known.
     #[inline]
-    pub(super) fn name(&mut self, known: &Parameters) -> Result<Name, DecodeError> {
+    pub(super) fn known_name(&mut self, known: &Parameters) -> Option<Parameter> {
+        self.skip_blanks();
+        let [b':', text @ ..] = self.rest() else {
+            return None;
+        };
+        let (parameter, len) = keywords::begins_with_name(known, text)?;
+        let found = self.may_end_behind(1 + len);
+        if found {
+            self.take(1 + len);
+        }
+        found.then_some(parameter)
+    }
+
+    /// The name of a parameter that is not known, with its colon.
+    #[inline(never)]
+    pub(super) fn other_name(&mut self) -> Result<Span, DecodeError> {
         if self.next()? != b':' {
             return Err(self.error(Fault::Malformed, "a parameter begins with a colon"));
         }
         let text = self.rest().get(1..).unwrap_or_default();
-        if let Some((parameter, len)) = keywords::begins_with_name(known, text)
-            && self.may_end_behind(1 + len)
-        {
-            self.take(1 + len);
-            return Ok(Name::Known(parameter));
-        }
-        self.other_name(text)
-    }
-
-    #[inline(never)]
-    fn other_name(&mut self, text: &[u8]) -> Result<Name, DecodeError> {
         let len = if self.is_glued() {
             glued_name_len(text)
         } else {
@@ -78,7 +76,7 @@ impl Reader<'_> {
             return Err(self.error(Fault::Malformed, "a name runs into its value"));
         }
         self.step();
-        Ok(Name::Other(self.take(len)))
+        Ok(self.take(len))
     }
 
     /// The name of a parameter without its colon, up to its value, which must be a counted string.
@@ -130,7 +128,7 @@ impl Reader<'_> {
     #[inline]
     pub(super) fn literal(&mut self) -> Result<Span, DecodeError> {
         let body = self.rest().get(1..).unwrap_or_default();
-        match memchr::memchr(b'"', body) {
+        match find_quote(body) {
             Some(quote) if !is_escaped(body, quote) => Ok(self.take_quoted(quote, false)),
             _ => self.escaped_literal(body),
         }

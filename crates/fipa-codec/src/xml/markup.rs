@@ -9,6 +9,9 @@ use crate::{DecodeError, Fault};
 /// How a section begins, whose text has no references in it.
 pub(super) const SECTION: &[u8] = b"<![CDATA[";
 
+/// How it ends.
+pub(super) const END_OF_SECTION: &[u8] = b"]]>";
+
 impl Cursor<'_> {
     /// Comments, instructions, and sections of text where text has no meaning.
     pub(super) fn skip_markup(&mut self) -> Result<(), DecodeError> {
@@ -25,8 +28,8 @@ impl Cursor<'_> {
             return Err(self.error(Fault::Malformed, "no markup begins like this"));
         };
         let start = self.at + SECTION.len();
-        let len = memmem::find(text, b"]]>").ok_or_else(|| self.too_short())?;
-        self.go_to(start + len + 3);
+        let len = memmem::find(text, END_OF_SECTION).ok_or_else(|| self.too_short())?;
+        self.go_to(start + len + END_OF_SECTION.len());
         Ok(start..start + len)
     }
 

@@ -2,12 +2,13 @@
 //!
 //! Writing is strict unless a [`Dialect`] is given; reading accepts what known peers write, text
 //! that JADE did not escape included. UTF-16 is read, and the charset that a declaration names.
-//! Contents and texts that were read share the buffer of the input unless there are references in
-//! them or they had to be transcoded. Nothing is validated against a document type, no entity is
-//! ever expanded, and a document type with declarations of its own is refused.
+//! Contents and longer texts that were read share the buffer of the input unless there are
+//! references in them or they had to be transcoded. Nothing is validated against a document type,
+//! no entity is ever expanded, and a document type with declarations of its own is refused.
 //!
 //! An empty text and an absent one are the same in XML: both are read as absent, and neither is
-//! written, except as the value of a user-defined parameter. A content that is not legal XML text
+//! written, except as the value of a user-defined parameter. A content with much markup is written
+//! in a CDATA section, which is shorter and needs no copy. A content that is not legal XML text
 //! is written in Base64 with a parameter `X-JADE-Encoding` that says so; reading undoes that.
 
 mod agents_reader;

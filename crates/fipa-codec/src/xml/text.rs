@@ -231,8 +231,8 @@ impl Cursor<'_> {
 
     #[inline]
     fn shared_text(&self, text: Range<usize>) -> Text {
-        if text.is_empty() {
-            return Text::default();
+        if let Some(short) = Text::short(self.octets(text.clone())) {
+            return short;
         }
         Text::from_utf8(self.bytes.slice(text.clone()))
             .unwrap_or_else(|_| Text::from_utf8_lossy(self.bytes.slice(text)))

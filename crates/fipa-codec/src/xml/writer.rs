@@ -2,9 +2,9 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use bytes::Bytes;
 use fipa_acl::{Expression, Text};
-use memchr::{memchr, memchr3, memmem};
+use memchr::{memchr, memchr3, memchr3_iter, memmem};
 
-use super::markup::SECTION;
+use super::markup::{END_OF_SECTION, SECTION};
 use crate::decimal::Decimal;
 use crate::{EncodeError, Output};
 
@@ -104,10 +104,17 @@ pub(super) fn is_empty(value: &Expression) -> bool {
     value.as_str().is_some_and(str::is_empty)
 }
 
-/// Writes octets that [`is_text`], by reference if nothing in them has to be escaped.
+/// Writes octets that [`is_text`], as they are and by reference if that is possible.
 pub(super) fn write_content(octets: &Bytes, out: &mut Output) {
-    if memchr3(b'&', b'<', b'>', octets).is_none() && memchr(b'\r', octets).is_none() {
+    let has_return = memchr(b'\r', octets).is_some();
+    if has_return {
+        write_escaped(octets, Place::Text, out);
+    } else if memchr3(b'&', b'<', b'>', octets).is_none() {
         out.put_shared(octets);
+    } else if section_pays(octets) {
+        out.put_slice(SECTION);
+        out.put_shared(octets);
+        out.put_slice(END_OF_SECTION);
     } else {
         write_escaped(octets, Place::Text, out);
     }
@@ -136,6 +143,15 @@ pub(super) fn write_plain(document: &str, out: &mut Output) {
         rest = characters.as_str();
     }
     out.put_slice(rest.as_bytes());
+}
+
+/// Whether octets without a carriage return, which would be read as a line feed, are shorter in a
+/// section: it has twelve octets, and a reference three more than what it stands for at least.
+///
+/// An end of a section among them would have to be split, and is read differently by peers.
+fn section_pays(octets: &[u8]) -> bool {
+    memchr3_iter(b'&', b'<', b'>', octets).nth(4).is_some()
+        && memmem::find(octets, END_OF_SECTION).is_none()
 }
 
 /// Writes octets in Base64.
