@@ -15,12 +15,16 @@ const MACHINES: &[&str] = &[
     "fipa-mts",
     "fipa-link",
     "fipa-directory",
+    "fipa-conversation",
     "fipa-gateway",
     "fipa-management",
     "hiac",
     "robot-text",
 ];
-const DATA: &[&str] = &["fipa-codec", "fipa-sl", "fipa-acl"];
+const DATA: &[&str] = &["fipa-codec", "fipa-protocol", "fipa-sl", "fipa-acl"];
+
+/// Those that have a module that reads XML.
+const XML: &[&str] = &["fipa-codec", "fipa-protocol"];
 
 /// State machines that bring their own sockets and serial lines, in a module and a feature of that
 /// name.
@@ -55,7 +59,7 @@ const RESERVED_WORDS: [Reserved; 5] = [
     },
     Reserved {
         words: &["quick_xml"],
-        to: &[&["fipa-codec"]],
+        to: &[XML],
     },
     Reserved {
         words: &["serde_json", "toml::"],
@@ -70,7 +74,7 @@ const RESERVED_DEPENDENCIES: [Reserved; 4] = [
     },
     Reserved {
         words: &["quick-xml"],
-        to: &[&["fipa-codec"]],
+        to: &[XML],
     },
     Reserved {
         words: &["serde", "serde_json", "toml"],
@@ -110,6 +114,7 @@ fn only_those_know_of_sockets_clocks_mdns_and_json_whose_task_that_is() {
     let crates = workspace();
     hold(strange_words(&crates));
     hold(strange_dependencies(&crates));
+    hold(xml_elsewhere(&crates));
 }
 
 #[test]
@@ -151,6 +156,12 @@ fn the_checks_find_what_they_look_for() {
     assert_eq!(strange_words(&crates), ["fipa-codec, lib.rs: TcpStream"]);
     assert_eq!(strange_dependencies(&crates), ["fipa-codec: tokio"]);
     assert_eq!(without_lints(&crates), ["fipa-codec", "fipa-new"]);
+    let names_xml = |path: &str| Crate {
+        sources: vec![(PathBuf::from(path), "use quick_xml::Reader;".to_owned())],
+        ..Crate::default()
+    };
+    let crates = ["src/load.rs", "src/xml.rs", "src/xml/tags.rs"].map(names_xml);
+    assert_eq!(xml_elsewhere(&crates), ["src/load.rs"]);
     let lines = |n| [(PathBuf::from("a.rs"), "\n".repeat(n))];
     assert_eq!(too_long(&lines(800)), [""; 0]);
     assert_eq!(too_long(&lines(801)), ["a.rs: 801 lines"]);
@@ -247,6 +258,21 @@ fn strange_dependencies(crates: &[Crate]) -> Vec<String> {
         }
     }
     complaints
+}
+
+/// Sources that name the reader of XML, and are not of a module `xml`.
+fn xml_elsewhere(crates: &[Crate]) -> Vec<String> {
+    let sources = crates.iter().flat_map(|one| one.sources.iter());
+    let naming = sources.filter(|(_, text)| text.contains("quick_xml::"));
+    let outside = naming.filter(|(path, _)| {
+        let parts = path.iter().filter_map(|part| part.to_str());
+        !parts
+            .into_iter()
+            .any(|part| part == "xml" || part == "xml.rs")
+    });
+    outside
+        .map(|(path, _)| path.display().to_string())
+        .collect()
 }
 
 /// What is reserved to other crates than this one.

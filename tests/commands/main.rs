@@ -9,6 +9,7 @@ mod echo;
 mod hiac;
 mod listen;
 mod ping;
+mod protocol;
 mod send;
 mod text;
 mod translate;

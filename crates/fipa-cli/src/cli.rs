@@ -5,7 +5,9 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-use crate::commands::{agents, attach, decode, echo, encode, hiac, listen, ping, send, text};
+use crate::commands::{
+    agents, attach, decode, echo, encode, hiac, listen, ping, protocol, send, text,
+};
 use crate::{Failure, streams};
 
 /// The command line of `fipa`.
@@ -42,6 +44,8 @@ pub enum Command {
     Listen(listen::Args),
     /// Ask an agent, and measure how long the answer takes
     Ping(ping::Args),
+    /// Check, draw and replay interaction protocols
+    Protocol(protocol::Args),
     /// Send a message, and say what became of it
     Send(Box<send::Args>),
     /// Read and write the text format of small robots
@@ -60,6 +64,7 @@ impl Command {
             Command::Hiac(_) => "hiac",
             Command::Listen(_) => "listen",
             Command::Ping(_) => "ping",
+            Command::Protocol(_) => "protocol",
             Command::Send(_) => "send",
             Command::Text(_) => "text",
         }
@@ -75,6 +80,7 @@ impl Command {
             Command::Hiac(args) => hiac::run(args),
             Command::Listen(args) => listen::run(args),
             Command::Ping(args) => ping::run(args),
+            Command::Protocol(args) => protocol::run(args),
             Command::Send(args) => send::run(args),
             Command::Text(args) => text::run(args),
         }

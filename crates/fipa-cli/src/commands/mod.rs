@@ -9,5 +9,6 @@ pub mod encode;
 pub mod hiac;
 pub mod listen;
 pub mod ping;
+pub mod protocol;
 pub mod send;
 pub mod text;
