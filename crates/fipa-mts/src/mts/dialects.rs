@@ -88,7 +88,9 @@ fn for_bridge(
 ) -> Result<Vec<Bytes>, String> {
     let mut overlay = foreign.overlay.clone();
     let mut payload = foreign.payload();
-    if payload_representation(&envelope, &payload) != Some(Representation::String) {
+    let in_strings = payload_representation(&envelope, &payload) == Some(Representation::String);
+    // Beyond ASCII the bridge waits for more characters than there are.
+    if !in_strings || !payload.is_ascii() {
         payload = in_string_form(&envelope, &payload, limits)
             .map_err(|error| format!("the message cannot be put into string form: {error}"))?;
         let given = envelope.payload_encoding();
