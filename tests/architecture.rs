@@ -16,6 +16,7 @@ const MACHINES: &[&str] = &[
     "fipa-link",
     "fipa-directory",
     "fipa-conversation",
+    "fipa-locking",
     "fipa-gateway",
     "fipa-management",
     "hiac",
