@@ -55,7 +55,7 @@ const RESERVED_WORDS: [Reserved; 5] = [
         to: &[TESTS, PROGRAMS, DOOR, SOCKETS],
     },
     Reserved {
-        words: &["mdns_sd"],
+        words: &["mdns_sd", "simple_dns"],
         to: &[&["fipa-dsd"]],
     },
     Reserved {
@@ -70,7 +70,7 @@ const RESERVED_WORDS: [Reserved; 5] = [
 
 const RESERVED_DEPENDENCIES: [Reserved; 4] = [
     Reserved {
-        words: &["mdns-sd"],
+        words: &["mdns-sd", "simple-dns"],
         to: &[&["fipa-dsd"]],
     },
     Reserved {

@@ -22,6 +22,13 @@ pub struct MdnsConfig {
     /// The name of the daemon, for people. It is cut where it does not fit (250 bytes).
     pub name: String,
     /// Only daemons of the same scope find each other; at most 249 bytes.
+    ///
+    /// C++ robots call the DNS-SD service type of their directory the scope. Without a scope the
+    /// agents of the daemon are announced under the type that they use by themselves,
+    /// `_fipa_service_directory._udp`. The scope `plant` means `_plant._udp`, which is then the
+    /// scope of the C++ robots of that fleet; a scope that is a type (`_plant._udp`, `_plant._tcp`)
+    /// is taken by its word. Capital letters are small ones there. A scope that makes no type, for
+    /// being longer than 30 letters, say, keeps the daemon from C++ robots altogether.
     pub scope: String,
     /// The TCP endpoints the daemon listens on. `0.0.0.0` stands for every IPv4 address of the
     /// chosen interfaces and `::` for every IPv6 address: a socket that serves both families is
@@ -34,6 +41,9 @@ pub struct MdnsConfig {
     /// addresses, else on loopback and on the interfaces that hold a listening address.
     /// Interfaces that are down or point-to-point are never used.
     pub interfaces: Vec<InterfaceSelector>,
+    /// How many agents are announced to C++ robots at most; the usual number is
+    /// [`DEFAULT_AGENTS`](crate::DEFAULT_AGENTS), 0 announces none.
+    pub agents: usize,
     /// The UDP port, [`MDNS_PORT`] unless a test or a demonstration wants to be undisturbed.
     pub port: u16,
 }

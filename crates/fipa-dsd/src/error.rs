@@ -1,6 +1,7 @@
 use std::io;
 use std::net::SocketAddr;
 
+use fipa_acl::Text;
 use fipa_directory::InstanceId;
 
 use crate::InterfaceSelector;
@@ -65,4 +66,7 @@ pub enum MdnsError {
     /// No such daemon is known at present.
     #[error("daemon {0} is not known to mDNS")]
     UnknownPeer(InstanceId),
+    /// No such agent is announced at present.
+    #[error("agent {0} is not known to mDNS")]
+    UnknownAgent(Text),
 }

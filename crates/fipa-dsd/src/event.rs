@@ -1,14 +1,27 @@
 use std::net::SocketAddr;
 
+use fipa_acl::Text;
 use fipa_directory::InstanceId;
 
-/// What was learned about the other daemons.
+use crate::DiscoveredAgent;
+
+/// What was learned about the other daemons, and about agents in the directory of C++ robots.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DiscoveryEvent {
     /// A daemon is there, or its name or addresses are no longer those reported before.
     Found(DiscoveredPeer),
     /// A daemon said goodbye, or could not be reached any more.
     Lost(InstanceId),
+    /// An agent is announced in the way of `fipa_services`, or its announcement is no longer that
+    /// reported before. What this daemon announces itself is never reported.
+    AgentFound(DiscoveredAgent),
+    /// An agent that was reported is announced no longer.
+    AgentGone {
+        /// Its name.
+        name: Text,
+        /// The daemon that announced it, where one of this program did.
+        instance: Option<InstanceId>,
+    },
     /// Discovery may be impaired; the text is for the log.
     Warning(String),
 }

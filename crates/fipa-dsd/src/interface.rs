@@ -1,9 +1,10 @@
 //! On which interfaces mDNS is spoken, and which of their addresses are announced.
 use std::collections::{BTreeMap, HashSet};
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use if_addrs::Interface;
 
+use crate::service_directory::reach::Reach;
 use crate::{InterfaceSelector, MdnsConfig, MdnsError};
 
 /// The rule for interfaces, asked again whenever the interfaces of the host have changed.
@@ -20,6 +21,17 @@ enum Spoken {
     LoopbackAnd(HashSet<String>),
     Everywhere,
     Selected(Vec<InterfaceSelector>),
+}
+
+/// Where mDNS is listened to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Post {
+    /// An address of the interface.
+    pub(crate) address: Ipv4Addr,
+    /// Tells it from a later interface with the same address.
+    pub(crate) index: Option<u32>,
+    /// Whether only this host can be heard there.
+    pub(crate) on_loopback: bool,
 }
 
 impl Rule {
@@ -79,6 +91,36 @@ impl Rule {
             Spoken::Everywhere => true,
             Spoken::Selected(selectors) => selectors.iter().any(|s| matches(s, interface)),
         }
+    }
+
+    /// The addresses that may be told to all who hear mDNS from here. Those of loopback are told
+    /// only while mDNS is spoken nowhere else, because everybody is told the same.
+    pub(crate) fn reach(&self, interfaces: &[Interface]) -> Reach {
+        let spoken = interfaces.iter().filter(|i| self.speaks_on(i));
+        let (loopback, outer): (Vec<_>, Vec<_>) = spoken.partition(|i| i.is_loopback());
+        let alone = outer.is_empty();
+        let chosen = if alone { loopback } else { outer };
+        let mut hosts: Vec<_> = chosen.iter().map(|interface| interface.ip()).collect();
+        hosts.sort();
+        Reach {
+            hosts,
+            loopback: alone,
+        }
+    }
+
+    /// A place of every interface on which mDNS is spoken over IPv4.
+    pub(crate) fn listening_posts(&self, interfaces: &[Interface]) -> Vec<Post> {
+        let mut posts: BTreeMap<&str, Post> = BTreeMap::new();
+        for interface in interfaces.iter().filter(|i| self.speaks_on(i)) {
+            if let IpAddr::V4(address) = interface.ip() {
+                posts.entry(&interface.name).or_insert(Post {
+                    address,
+                    index: interface.index,
+                    on_loopback: interface.is_loopback(),
+                });
+            }
+        }
+        posts.into_values().collect()
     }
 
     /// Whether this interface address is announced: one that is not listened on must not be.

@@ -1,5 +1,12 @@
 //! Discovery by multicast DNS; the only place that knows `mdns-sd`.
+//!
+//! The library announces everything and searches for daemons. The directory of C++ robots is read
+//! from sockets of our own: of a TXT key that stands in several strings the library hands over only
+//! the first, and it asks for every instance anew each two minutes.
+mod agents;
 mod announce;
+mod announcer;
+mod ears;
 mod heard;
 mod peers;
 mod start;
@@ -14,8 +21,12 @@ use mdns_sd::{DaemonEvent, Error, Receiver, ServiceDaemon, ServiceEvent, Service
 use tokio::time::{Instant, sleep, sleep_until, timeout};
 
 use self::announce::SERVICE_TYPE;
+use self::announcer::Announcer;
+use self::ears::Ears;
 use self::heard::Heard;
 use self::peers::Peers;
+use crate::interface::Rule;
+use crate::service_directory::browser::Browser;
 use crate::{DiscoveryEvent, MdnsConfig, MdnsError};
 
 /// How often the own announcement is repeated unless told otherwise.
@@ -34,8 +45,11 @@ const RETRY_PAUSE: Duration = Duration::from_millis(10);
 
 /// A daemon's announcement of itself and its search for others.
 ///
-/// The announcement is repeated, and the search renewed where it breaks off, while
-/// [`next`](Mdns::next) is polled. Dropping sends a single goodbye that nobody waits for; use
+/// Agents of this daemon are given to [`set_agents`](Mdns::set_agents) and
+/// [`announce_agent`](Mdns::announce_agent), to be announced to C++ robots.
+///
+/// The announcement is repeated, the search renewed where it breaks off, and agents announced
+/// while [`next`](Mdns::next) is polled. Dropping sends a single goodbye that nobody waits for; use
 /// [`shutdown`](Mdns::shutdown) to be sure of it.
 pub struct Mdns {
     daemon: Running,
@@ -43,6 +57,17 @@ pub struct Mdns {
     monitor: Receiver<DaemonEvent>,
     events: Receiver<ServiceEvent>,
     peers: Peers,
+    rule: Rule,
+    announcer: Announcer,
+    /// `None` if the scope makes no service type.
+    browser: Option<Browser>,
+    ears: Ears,
+    /// Whether there is an interface where nothing can be heard; that is told once.
+    deaf: bool,
+    /// When the agents or the search for them need attention.
+    agents_at: Instant,
+    /// When the interfaces are looked at again.
+    rescan_at: Instant,
     queue: VecDeque<DiscoveryEvent>,
     repeat_every: Duration,
     repeat_at: Instant,
@@ -81,10 +106,13 @@ impl Mdns {
                 Happening::Service(Err(_)) => self.search_again().await,
                 Happening::Daemon(Ok(event)) => self.on_daemon_event(event),
                 Happening::Daemon(Err(_)) => self.stopped = true,
+                Happening::Packet(packet) => self.on_packet(&packet),
+                Happening::AgentsDue => self.attend_to_agents(),
                 Happening::RepeatDue => self.repeat(),
                 Happening::DoubtOver => {
                     self.doubt_until = None;
-                    self.queue.extend(self.peers.drop_doubtful());
+                    let lost = self.peers.drop_doubtful();
+                    self.report_lost(lost);
                 }
             }
         }
@@ -135,6 +163,8 @@ impl Mdns {
         tokio::select! {
             event = self.events.recv_async() => Happening::Service(event.map_err(|_| Closed)),
             event = self.monitor.recv_async() => Happening::Daemon(event.map_err(|_| Closed)),
+            packet = self.ears.hear() => Happening::Packet(packet),
+            () = sleep_until(self.agents_at.min(self.rescan_at)) => Happening::AgentsDue,
             () = sleep_until(self.repeat_at) => Happening::RepeatDue,
             () = reached(self.doubt_until) => Happening::DoubtOver,
         }
@@ -144,11 +174,12 @@ impl Mdns {
         match event {
             ServiceEvent::ServiceResolved(service) => {
                 let now = std::time::Instant::now();
-                self.queue
-                    .extend(self.peers.heard(Heard::new(&service), now));
+                let events = self.peers.heard(Heard::new(&service), now);
+                self.queue.extend(events);
             }
             ServiceEvent::ServiceRemoved(_, fullname) => {
-                self.queue.extend(self.peers.removed(&fullname));
+                let lost = self.peers.removed(&fullname);
+                self.report_lost(lost);
             }
             other => tracing::trace!(?other, "mDNS search"),
         }
@@ -200,6 +231,9 @@ impl Mdns {
     }
 
     async fn say_goodbye(&self) {
+        for fullname in self.announcer.fullnames() {
+            patiently(|| self.daemon.0.unregister(&fullname)).await;
+        }
         let fullname = self.service.get_fullname();
         if let Some(status) = patiently(|| self.daemon.0.unregister(fullname)).await {
             let _ = status.recv_async().await;
@@ -224,6 +258,8 @@ impl Drop for Running {
 enum Happening {
     Service(Result<ServiceEvent, Closed>),
     Daemon(Result<DaemonEvent, Closed>),
+    Packet(ears::Packet),
+    AgentsDue,
     RepeatDue,
     DoubtOver,
 }

@@ -55,6 +55,7 @@ fn rule(endpoints: &[&str], selectors: &[&str]) -> Result<Rule, MdnsError> {
         scope: String::new(),
         endpoints: endpoints.iter().map(|e| e.parse().unwrap()).collect(),
         interfaces: selectors.iter().map(|s| s.parse().unwrap()).collect(),
+        agents: crate::DEFAULT_AGENTS,
         port: 5353,
     };
     Rule::new(&config, &host())
@@ -120,6 +121,42 @@ fn the_port_that_others_can_use_is_announced() {
     .unwrap();
     assert_eq!(rule.port(), 7001);
     assert_eq!(chosen(&rule, Rule::announces), ["wlan0 10.0.0.7"]);
+}
+
+#[test]
+fn loopback_is_told_only_where_mdns_is_spoken_nowhere_else() {
+    let shown = |reach: &Reach| {
+        reach
+            .hosts
+            .iter()
+            .map(ToString::to_string)
+            .collect::<Vec<_>>()
+    };
+    let reach = rule(&["127.0.0.1:7000"], &[]).unwrap().reach(&host());
+    assert!(reach.loopback);
+    assert_eq!(shown(&reach), ["127.0.0.1", "::1"]);
+    let everywhere = rule(&["0.0.0.0:7000"], &["lo", "wlan0"]).unwrap();
+    let reach = everywhere.reach(&host());
+    assert!(!reach.loopback);
+    assert_eq!(shown(&reach), ["10.0.0.7", "fe80::7"]);
+    // While nothing but loopback is up.
+    assert!(everywhere.reach(&host()[..2]).loopback);
+}
+
+#[test]
+fn every_spoken_interface_is_listened_to_once() {
+    let mut host = host();
+    host.push(interface("wlan0", 2, "10.0.0.8"));
+    let rule = rule(&["0.0.0.0:7000"], &["lo", "wlan0"]).unwrap();
+    let posts = rule.listening_posts(&host);
+    let posts = posts
+        .iter()
+        .map(|post| (post.address.to_string(), post.on_loopback));
+    let expected = [("127.0.0.1", true), ("10.0.0.7", false)];
+    assert_eq!(
+        posts.collect::<Vec<_>>(),
+        expected.map(|(address, on)| (address.to_owned(), on))
+    );
 }
 
 #[test]

@@ -78,6 +78,7 @@ mod tests {
             scope: scope.to_owned(),
             endpoints: vec!["127.0.0.5:7000".parse().unwrap()],
             interfaces: Vec::new(),
+            agents: crate::DEFAULT_AGENTS,
             port: 5353,
         }
     }

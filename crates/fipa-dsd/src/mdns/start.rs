@@ -10,10 +10,14 @@ use socket2::{Domain, Protocol, Socket, Type};
 use tokio::time::Instant;
 
 use super::announce::{SERVICE_TYPE, announcement};
+use super::announcer::Announcer;
+use super::ears::Ears;
 use super::peers::Peers;
 use super::{Mdns, REPEAT_EVERY, Running, refused};
 use crate::interface::{Rule, describe, usable_interfaces};
-use crate::{MdnsConfig, MdnsError};
+use crate::service_directory::browser::Browser;
+use crate::service_directory::{LONGEST_SERVICE, ServiceType};
+use crate::{DiscoveryEvent, MdnsConfig, MdnsError};
 
 /// How long the thread of `mdns-sd` has to carry out the first commands.
 const STARTED_WITHIN: Duration = Duration::from_secs(2);
@@ -23,14 +27,18 @@ pub(super) fn start(config: MdnsConfig) -> Result<Mdns, MdnsError> {
     if config.port == 0 {
         return Err(MdnsError::NoPort);
     }
-    let rule = Rule::new(&config, &usable_interfaces()?)?;
+    let interfaces = usable_interfaces()?;
+    let rule = Rule::new(&config, &interfaces)?;
     let service = announcement(&config, &rule)?;
     check_port(config.port, &rule)?;
 
     let daemon = Running(ServiceDaemon::new_with_port(config.port).map_err(refused)?);
     let monitor = insist(|| daemon.0.monitor())?;
+    // Without this the directory of C++ robots is not announced, and nobody is told so.
+    insist(|| daemon.0.set_service_name_len_max(LONGEST_SERVICE))?;
     // A single rule, asked for every interface, also for those that appear later.
-    let silent = IfPredicate::new(move |interface| !rule.speaks_on(interface));
+    let asked = rule.clone();
+    let silent = IfPredicate::new(move |interface| !asked.speaks_on(interface));
     insist(|| {
         daemon
             .0
@@ -39,18 +47,45 @@ pub(super) fn start(config: MdnsConfig) -> Result<Mdns, MdnsError> {
     insist(|| daemon.0.register(service.clone()))?;
     let events = insist(|| daemon.0.browse(SERVICE_TYPE))?;
     check_announced(&daemon.0, &monitor)?;
+    let service_type = ServiceType::of_scope(&config.scope);
+    let queue = match service_type {
+        Some(_) => VecDeque::new(),
+        None => VecDeque::from([no_service_type(&config.scope)]),
+    };
+    let now = std::time::Instant::now();
+    let begun = |service_type| Browser::new(service_type, config.instance, fastrand::u64(..), now);
     Ok(Mdns {
         daemon,
         service,
         monitor,
         events,
+        announcer: Announcer::new(
+            config.instance,
+            service_type.clone(),
+            config.agents,
+            rule.clone(),
+            rule.reach(&interfaces),
+        ),
+        rule,
+        browser: service_type.map(begun),
+        ears: Ears::new(config.port),
+        deaf: false,
+        agents_at: Instant::now(),
+        rescan_at: Instant::now(),
         peers: Peers::new(config.instance, config.scope),
-        queue: VecDeque::new(),
+        queue,
         repeat_every: REPEAT_EVERY,
         repeat_at: Instant::now() + REPEAT_EVERY,
         doubt_until: None,
         stopped: false,
     })
+}
+
+fn no_service_type(scope: &str) -> DiscoveryEvent {
+    DiscoveryEvent::Warning(format!(
+        "no agent is announced to C++ robots, nor are theirs found: the scope `{scope}` makes no \
+         DNS-SD service type"
+    ))
 }
 
 /// Offers a command a few times to a queue that is full for the moment.

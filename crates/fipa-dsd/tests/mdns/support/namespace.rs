@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 /// Names the test that a process inside a namespace was started for.
 const INSIDE: &str = "FIPA_DSD_INSIDE";
 /// How long a test inside a namespace may take.
-const TEST_WITHIN: Duration = Duration::from_secs(90);
+const TEST_WITHIN: Duration = Duration::from_secs(240);
 
 /// Runs `body` in a namespace of its own, where only loopback exists and is up: this test process
 /// is started again for `test`.
@@ -26,7 +26,7 @@ pub(crate) fn isolated(test: &str, body: impl FnOnce()) {
             "ip link set lo up && exec \"$0\" \"$@\"",
         ])
         .arg(std::env::current_exe().unwrap())
-        .args(["--exact", test, "--nocapture"])
+        .args(["--exact", test, "--nocapture", "--include-ignored"])
         .env(INSIDE, test)
         .spawn()
         .unwrap();

@@ -4,7 +4,8 @@ use std::process::{Child, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use fipa_dsd::{DiscoveryEvent, Mdns};
+use fipa_directory::{Entry, Location, MESSAGE_TRANSPORT};
+use fipa_dsd::{DiscoveredAgent, DiscoveryEvent, Mdns};
 use tokio::sync::mpsc;
 
 use super::namespace::Namespace;
@@ -51,7 +52,8 @@ impl Peer {
         peer
     }
 
-    /// The next line of the daemon, if one comes in time: `found <n> <addresses>` or `lost <n>`.
+    /// The next line of the daemon, if one comes in time: `found <n> <addresses>`, `lost <n>`,
+    /// `agent <name> <n or -> <addresses>` or `gone <name>`.
     pub(crate) fn line(&mut self, within: Duration) -> Option<String> {
         let line = self.lines.recv_timeout(within).ok();
         println!("{:?}", line.as_deref().unwrap_or("nothing"));
@@ -71,7 +73,8 @@ impl Peer {
         panic!("no `{beginning}` within {within:?}");
     }
 
-    /// Tells the daemon `verify <n>` or `quit`.
+    /// Tells the daemon `verify <n>`, `verify-agent <name>`, `withdraw <name>`, or `announce <name>`
+    /// and addresses, or `quit`.
     pub(crate) fn tell(&mut self, command: &str) {
         let input = self.process.stdin.as_mut().unwrap();
         writeln!(input, "{command}").unwrap();
@@ -110,10 +113,27 @@ async fn run(mut mdns: Mdns) {
             event = mdns.next() => say(&describe(event.expect("mDNS runs"))),
             command = commands.recv() => match command.as_deref().and_then(|c| c.split_once(' ')) {
                 Some(("verify", n)) => mdns.verify(id(n.parse().unwrap())).unwrap(),
+                Some(("verify-agent", name)) => mdns.verify_agent(name).unwrap(),
+                Some(("announce", agent)) => mdns.announce_agent(entry(agent)).unwrap(),
+                Some(("withdraw", name)) => mdns.withdraw_agent(name),
                 _ => return mdns.shutdown().await,
             }
         }
     }
+}
+
+/// The entry of `<name> <addresses>`.
+fn entry(agent: &str) -> Entry {
+    let mut words = agent.split(' ');
+    let mut entry = Entry::new(words.next().unwrap());
+    entry.locations = words
+        .map(|address| Location {
+            address: address.into(),
+            signature: MESSAGE_TRANSPORT.into(),
+        })
+        .collect();
+    entry.description = "an agent".into();
+    entry
 }
 
 fn describe(event: DiscoveryEvent) -> String {
@@ -127,8 +147,25 @@ fn describe(event: DiscoveryEvent) -> String {
             )
         }
         DiscoveryEvent::Lost(instance) => format!("lost {}", instance.as_bytes()[0]),
+        DiscoveryEvent::AgentFound(agent) => describe_agent(&agent),
+        DiscoveryEvent::AgentGone { name, .. } => format!("gone {name}"),
         DiscoveryEvent::Warning(text) => format!("warning {text}"),
     }
+}
+
+/// `agent <name> <number of the daemon or -> <addresses>`.
+fn describe_agent(agent: &DiscoveredAgent) -> String {
+    let number = |instance: &fipa_directory::InstanceId| instance.as_bytes()[0].to_string();
+    let daemon = agent.instance.as_ref().map_or("-".to_owned(), number);
+    let locations = agent.entry.locations.iter();
+    let addresses: Vec<_> = locations
+        .map(|location| location.address.as_str())
+        .collect();
+    format!(
+        "agent {} {daemon} {}",
+        agent.entry.name,
+        addresses.join(" ")
+    )
 }
 
 fn say(line: &str) {

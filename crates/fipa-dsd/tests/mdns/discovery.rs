@@ -1,27 +1,13 @@
-//! Real mDNS, on loopback or between network namespaces that the tests make.
-mod support;
-
+//! Daemons find and lose each other.
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
 use fipa_dsd::{DiscoveryEvent, InterfaceSelector, Mdns, MdnsError};
 
-use support::namespace::{Namespace, can_unshare, isolated};
-use support::peer::{Peer, run_if_asked};
-use support::{config, event, found, id};
+use crate::support::namespace::{Namespace, can_unshare};
+use crate::support::{config, event, found, id, on_loopback, peer, two_hosts};
 
 const SOON: Duration = Duration::from_secs(3);
-
-/// Runs `body` in a namespace that has only loopback, with a runtime.
-fn on_loopback<F: Future<Output = ()>>(test: &str, body: impl FnOnce() -> F) {
-    isolated(test, || {
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .unwrap();
-        runtime.block_on(body());
-    });
-}
 
 fn start(n: u8, endpoints: &[&str]) -> Mdns {
     Mdns::start(config(n, endpoints)).unwrap()
@@ -29,32 +15,35 @@ fn start(n: u8, endpoints: &[&str]) -> Mdns {
 
 #[test]
 fn two_daemons_find_and_lose_each_other() {
-    on_loopback("two_daemons_find_and_lose_each_other", || async {
-        let begun = Instant::now();
-        let (mut one, mut two) = (start(1, &["127.0.0.1:7001"]), start(2, &["127.0.0.1:7002"]));
-        let peer = found(&mut one, SOON).await;
-        println!("found after {:?}", begun.elapsed());
-        assert_eq!((peer.instance, peer.name.as_str()), (id(2), "robot 2"));
-        // The host has ::1 as well, but nobody listens there.
-        assert_eq!(peer.addresses, ["127.0.0.1:7002".parse().unwrap()]);
-        let peer = found(&mut two, SOON).await;
-        println!("found by the second after {:?}", begun.elapsed());
-        assert_eq!(peer.instance, id(1));
+    on_loopback(
+        "discovery::two_daemons_find_and_lose_each_other",
+        || async {
+            let begun = Instant::now();
+            let (mut one, mut two) = (start(1, &["127.0.0.1:7001"]), start(2, &["127.0.0.1:7002"]));
+            let peer = found(&mut one, SOON).await;
+            println!("found after {:?}", begun.elapsed());
+            assert_eq!((peer.instance, peer.name.as_str()), (id(2), "robot 2"));
+            // The host has ::1 as well, but nobody listens there.
+            assert_eq!(peer.addresses, ["127.0.0.1:7002".parse().unwrap()]);
+            let peer = found(&mut two, SOON).await;
+            println!("found by the second after {:?}", begun.elapsed());
+            assert_eq!(peer.instance, id(1));
 
-        let begun = Instant::now();
-        two.shutdown().await;
-        println!("shutdown took {:?}", begun.elapsed());
-        assert_eq!(
-            event(&mut one, SOON).await,
-            Some(DiscoveryEvent::Lost(id(2)))
-        );
-        println!("lost after {:?}", begun.elapsed());
-    });
+            let begun = Instant::now();
+            two.shutdown().await;
+            println!("shutdown took {:?}", begun.elapsed());
+            assert_eq!(
+                event(&mut one, SOON).await,
+                Some(DiscoveryEvent::Lost(id(2)))
+            );
+            println!("lost after {:?}", begun.elapsed());
+        },
+    );
 }
 
 #[test]
 fn a_late_comer_finds_all() {
-    on_loopback("a_late_comer_finds_all", || async {
+    on_loopback("discovery::a_late_comer_finds_all", || async {
         let mut there: Vec<_> = (1..=8).map(|n| start(n, &["0.0.0.0:7000"])).collect();
         for mdns in &mut there {
             for _ in 1..8 {
@@ -77,7 +66,7 @@ fn a_late_comer_finds_all() {
 
 #[test]
 fn another_scope_is_not_seen() {
-    on_loopback("another_scope_is_not_seen", || async {
+    on_loopback("discovery::another_scope_is_not_seen", || async {
         let mut one = start(1, &["127.0.0.1:7001"]);
         let mut stranger = config(2, &["127.0.0.1:7002"]);
         stranger.scope = "elsewhere".to_owned();
@@ -91,7 +80,7 @@ fn another_scope_is_not_seen() {
 
 #[test]
 fn a_goodbye_is_that_of_one() {
-    on_loopback("a_goodbye_is_that_of_one", || async {
+    on_loopback("discovery::a_goodbye_is_that_of_one", || async {
         let mut one = start(1, &["127.0.0.1:7001"]);
         let (two, mut three) = (start(2, &["127.0.0.1:7002"]), start(3, &["127.0.0.1:7003"]));
         found(&mut one, SOON).await;
@@ -113,7 +102,7 @@ fn a_goodbye_is_that_of_one() {
 
 #[test]
 fn a_restarted_daemon_is_found_anew() {
-    on_loopback("a_restarted_daemon_is_found_anew", || async {
+    on_loopback("discovery::a_restarted_daemon_is_found_anew", || async {
         let mut one = start(1, &["127.0.0.1:7001"]);
         let before = start(2, &["127.0.0.1:7002"]);
         assert_eq!(found(&mut one, SOON).await.instance, id(2));
@@ -133,43 +122,27 @@ fn a_restarted_daemon_is_found_anew() {
 
 #[test]
 fn what_cannot_work_is_told_at_the_start() {
-    on_loopback("what_cannot_work_is_told_at_the_start", || async {
-        let mut nowhere = config(1, &["127.0.0.1:7001"]);
-        nowhere.interfaces = vec![InterfaceSelector::Name("wlan9".to_owned())];
-        let error = Mdns::start(nowhere).err().unwrap().to_string();
-        assert!(
-            error.contains("`wlan9`") && error.contains("lo (127.0.0.1"),
-            "{error}"
-        );
+    on_loopback(
+        "discovery::what_cannot_work_is_told_at_the_start",
+        || async {
+            let mut nowhere = config(1, &["127.0.0.1:7001"]);
+            nowhere.interfaces = vec![InterfaceSelector::Name("wlan9".to_owned())];
+            let error = Mdns::start(nowhere).err().unwrap().to_string();
+            assert!(
+                error.contains("`wlan9`") && error.contains("lo (127.0.0.1"),
+                "{error}"
+            );
 
-        let error = Mdns::start(config(1, &["10.1.2.3:7001"])).err().unwrap();
-        assert!(matches!(error, MdnsError::NotAnnounced { .. }), "{error}");
+            let error = Mdns::start(config(1, &["10.1.2.3:7001"])).err().unwrap();
+            assert!(matches!(error, MdnsError::NotAnnounced { .. }), "{error}");
 
-        let taken = UdpSocket::bind("0.0.0.0:0").unwrap();
-        let mut late = config(1, &["127.0.0.1:7001"]);
-        late.port = taken.local_addr().unwrap().port();
-        let error = Mdns::start(late).err().unwrap();
-        assert!(matches!(error, MdnsError::Socket { .. }), "{error}");
-    });
-}
-
-/// Not a test of its own: the process that other tests start as a daemon.
-#[test]
-fn peer_process() {
-    run_if_asked();
-}
-
-fn peer(namespace: &Namespace, n: u8, endpoints: &str) -> Peer {
-    Peer::start(namespace, "peer_process", n, endpoints)
-}
-
-/// Two namespaces joined by a cable, with the addresses 10.77.0.1 and 10.77.0.2.
-fn two_hosts() -> (Namespace, Namespace) {
-    let (a, b) = (Namespace::new(), Namespace::new());
-    a.connect("cable", &b, "cable");
-    a.ip("addr add 10.77.0.1/24 dev cable");
-    b.ip("addr add 10.77.0.2/24 dev cable");
-    (a, b)
+            let taken = UdpSocket::bind("0.0.0.0:0").unwrap();
+            let mut late = config(1, &["127.0.0.1:7001"]);
+            late.port = taken.local_addr().unwrap().port();
+            let error = Mdns::start(late).err().unwrap();
+            assert!(matches!(error, MdnsError::Socket { .. }), "{error}");
+        },
+    );
 }
 
 #[test]
