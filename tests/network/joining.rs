@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::support::PATIENCE;
 use crate::support::daemon::{Daemon, Place};
+use crate::support::namespace::Namespace;
 use crate::support::process::Process;
 
 #[test]
@@ -34,6 +35,41 @@ fn one_peer_is_enough_to_join_five_daemons_and_may_go_afterwards() {
         for other in &others {
             let ended = daemon.run(&["ping", &format!("echo@{}", other.name())]);
             assert_eq!(ended.code, Some(0), "{ended:?}");
+        }
+    }
+}
+
+#[test]
+fn where_the_network_eats_multicast_one_peer_joins_five_daemons() {
+    let Some(hosts) = Namespace::bridged(5) else {
+        return;
+    };
+    if !hosts[5].block("forward", "udp dport 5353") {
+        return;
+    }
+    let place = Place::at_the_usual_port();
+    let mut daemons: Vec<Daemon> = Vec::new();
+    for (host, number) in hosts.iter().zip(1..=5) {
+        let peer = daemons.first().map(|first| first.endpoint().to_owned());
+        let peer = peer.iter().flat_map(|peer| ["--peer", peer.as_str()]);
+        let options: Vec<&str> = ["--listen", "0.0.0.0:0"].into_iter().chain(peer).collect();
+        daemons.push(place.start_in(host, &format!("robot{number}"), &options));
+    }
+    let echo = |daemon: &Daemon| daemon.attach("echo", &format!("echo@{}", daemon.name()));
+    let _echoes: Vec<Process> = daemons.iter().map(echo).collect();
+    for daemon in &daemons {
+        for other in &daemons {
+            let name = format!("echo@{}", other.name());
+            daemon.wait_for(&name);
+            let ended = daemon.run(&["ping", &name, "--json"]);
+            assert_eq!(ended.code, Some(0), "{ended:?}");
+            let agent = daemon.run(&["agents", &name, "--json"]).only_json();
+            let source = if daemon.name() == other.name() {
+                "local"
+            } else {
+                "peer"
+            };
+            assert_eq!(agent["source"], source, "{agent}");
         }
     }
 }

@@ -3,6 +3,8 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod cpp;
+mod doctor;
 mod ending;
 mod joining;
 mod losing;

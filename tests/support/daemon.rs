@@ -31,6 +31,14 @@ impl Place {
         }
     }
 
+    /// A place whose daemons speak mDNS where everybody does: for networks of the test alone.
+    pub(crate) fn at_the_usual_port() -> Place {
+        Place {
+            mdns_port: fipa_dsd::MDNS_PORT,
+            ..Place::new()
+        }
+    }
+
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -105,6 +113,24 @@ impl Daemon {
     /// Runs a command of the tool to its end.
     pub(crate) fn run(&self, words: &[&str]) -> Ended {
         run(self.fipa(words))
+    }
+
+    /// What `fipa doctor` finds, run where the daemon runs: the checks that did not go well, and
+    /// the exit code.
+    pub(crate) fn doctor(&self, namespace: Option<&Namespace>, words: &[&str]) -> Vec<Value> {
+        let words = [&["doctor", "--json"], words].concat();
+        let command = self.fipa(&words);
+        let ended = run(namespace.map_or(command, |namespace| namespace.enter(&self.fipa(&words))));
+        let checks = ended.json();
+        let failed = checks.iter().any(|check| check["state"] == "failed");
+        assert_eq!(ended.code, Some(i32::from(failed)), "{ended:?}");
+        for check in &checks {
+            let keys = super::process::keys(check);
+            assert_eq!(keys, ["check", "state", "said", "advice"]);
+            assert_eq!(check["advice"].is_null(), check["state"] == "ok", "{check}");
+        }
+        let bad = checks.into_iter().filter(|check| check["state"] != "ok");
+        bad.collect()
     }
 
     /// Starts `fipa listen`, `fipa echo` or `fipa attach` and waits until the agent is attached.

@@ -3,6 +3,7 @@
 // Each test program uses its own part of this.
 #![allow(dead_code)]
 
+pub(crate) mod cpp;
 pub(crate) mod daemon;
 pub(crate) mod namespace;
 pub(crate) mod process;

@@ -44,6 +44,35 @@ impl Namespace {
         Some((one, two))
     }
 
+    /// So many hosts at 192.168.100.101 and so on, and behind them the bridge in which their wires
+    /// end.
+    pub(crate) fn bridged(count: u32) -> Option<Vec<Namespace>> {
+        let bridge = Namespace::new()?;
+        // Without a querier a bridge that snoops would drop multicast after a while.
+        bridge
+            .ip("link add bridge up type bridge mcast_snooping 0")
+            .unwrap();
+        let hosts = (1..=count).map(|number| {
+            let host = Namespace::make().unwrap();
+            let peer = format!("peer name port{number} netns {}", bridge.0);
+            host.ip(&format!("link add wire type veth {peer}")).unwrap();
+            bridge
+                .ip(&format!("link set port{number} up master bridge"))
+                .unwrap();
+            host.ip(&format!(
+                "addr add 192.168.100.{}/24 dev wire",
+                100 + number
+            ))
+            .unwrap();
+            host.plug_in();
+            host.wait_until_plugged();
+            host
+        });
+        let mut hosts: Vec<Namespace> = hosts.collect();
+        hosts.push(bridge);
+        Some(hosts)
+    }
+
     /// Puts the wire in.
     pub(crate) fn plug_in(&self) {
         self.ip("link set wire up").unwrap();
@@ -61,6 +90,32 @@ impl Namespace {
             assert!(Instant::now() < until, "the wire stays down");
             std::thread::sleep(Duration::from_millis(10));
         }
+    }
+
+    /// Has the kernel drop packets: a rule of nftables, for packets that pass a hook, `input`,
+    /// `output` or, of a bridge, `forward`. Says where that cannot be, and returns whether it can.
+    pub(crate) fn block(&self, hook: &str, rule: &str) -> bool {
+        let family = if hook == "forward" { "bridge" } else { "inet" };
+        let script = format!(
+            "table {family} test {{ chain {hook} {{ type filter hook {hook} priority 0; {rule} drop; }}; }}"
+        );
+        let mut nft = Command::new("nft");
+        let output = self.enter(nft.arg(script)).output();
+        let able = output.is_ok_and(|output| output.status.success());
+        if !able {
+            skipped("nft, to block packets");
+        }
+        able
+    }
+
+    /// Gives the host an interface that leads nowhere.
+    pub(crate) fn add_dead_end(&self, name: &str, address: &str) {
+        let end = format!("{name}-end");
+        self.ip(&format!("link add {name} up type veth peer name {end}"))
+            .unwrap();
+        self.ip(&format!("link set {end} up")).unwrap();
+        self.ip(&format!("addr add {address}/24 dev {name}"))
+            .unwrap();
     }
 
     /// The same command, run in the namespace.

@@ -20,14 +20,17 @@ pub(crate) struct Control {
 }
 
 impl Control {
+    /// Attaches to the daemon; without one the error says no more than that.
+    pub(crate) async fn try_attach(&self) -> Result<Platform, Error> {
+        match &self.control {
+            Some(path) => Platform::attach_to(path).await,
+            None => Platform::attach().await,
+        }
+    }
+
     /// Attaches to the daemon.
     pub(crate) async fn attach(&self) -> Result<Platform, Failure> {
-        let path = match &self.control {
-            Some(path) => path.clone(),
-            None => fipa::default_control_path(),
-        };
-        let attached = Platform::attach_to(&path).await;
-        attached.map_err(|error| match error {
+        self.try_attach().await.map_err(|error| match error {
             Error::NoDaemon { .. } => {
                 Failure::environment(format_args!("{error}; start one with `fipad`"))
             }

@@ -6,7 +6,7 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    agents, attach, decode, echo, encode, hiac, listen, ping, protocol, send, text,
+    agents, attach, decode, doctor, echo, encode, hiac, listen, ping, protocol, send, text,
 };
 use crate::{Failure, streams};
 
@@ -34,6 +34,8 @@ pub enum Command {
     Attach(attach::Args),
     /// Show encoded messages and letters as JSON, one a line
     Decode(decode::Args),
+    /// Say why robots do not see each other
+    Doctor(doctor::Args),
     /// Be an agent that answers every request and query with its own content
     Echo(echo::Args),
     /// Encode messages and letters given as JSON
@@ -59,6 +61,7 @@ impl Command {
             Command::Agents(_) => "agents",
             Command::Attach(_) => "attach",
             Command::Decode(_) => "decode",
+            Command::Doctor(_) => "doctor",
             Command::Echo(_) => "echo",
             Command::Encode(_) => "encode",
             Command::Hiac(_) => "hiac",
@@ -75,6 +78,7 @@ impl Command {
             Command::Agents(args) => agents::run(args),
             Command::Attach(args) => attach::run(args),
             Command::Decode(args) => decode::run(args),
+            Command::Doctor(args) => doctor::run(args),
             Command::Echo(args) => echo::run(args),
             Command::Encode(args) => encode::run(args),
             Command::Hiac(args) => hiac::run(args),

@@ -22,13 +22,14 @@ use suggestion::nearest;
 pub const DEFAULT_CONFIG: &str = include_str!("default_config.toml");
 
 /// The keys, in the order of the options.
-pub(crate) const KEYS: [&str; 12] = [
+pub(crate) const KEYS: [&str; 13] = [
     "name",
     "listen",
     "advertise",
     "scope",
     "interface",
     "no-mdns",
+    "mdns-agents",
     "mdns-port",
     "peer",
     "control",
@@ -114,6 +115,7 @@ fn put(
         "scope" => layer.scope = Some(entry.text(value::scope)?),
         "interface" => layer.interface = Some(entry.list(value::interface)?),
         "no-mdns" => layer.no_mdns = Some(entry.flag()?),
+        "mdns-agents" => layer.mdns_agents = Some(entry.number(value::count)?),
         "mdns-port" => layer.mdns_port = Some(entry.number(value::port)?),
         "peer" => layer.peer = Some(entry.list(value::peer_address)?),
         "control" => layer.control = Some(entry.text(|path| Ok(PathBuf::from(path)))?),

@@ -20,7 +20,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use fipa_directory::Address;
-use fipa_dsd::{InterfaceSelector, MDNS_PORT};
+use fipa_dsd::{DEFAULT_AGENTS, InterfaceSelector, MDNS_PORT};
 use robot_text::links::Endpoint;
 
 pub use crate::config_file::DEFAULT_CONFIG;
@@ -47,6 +47,8 @@ pub struct Options {
     pub interface: Vec<InterfaceSelector>,
     /// Whether mDNS is left alone altogether.
     pub no_mdns: bool,
+    /// How many agents are announced to C++ robots at most; 0 announces none.
+    pub mdns_agents: usize,
     /// The UDP port of mDNS, not 0.
     pub mdns_port: u16,
     /// Daemons to connect to without being discovered. No port is 0.
@@ -70,6 +72,7 @@ impl Default for Options {
             scope: String::new(),
             interface: Vec::new(),
             no_mdns: false,
+            mdns_agents: DEFAULT_AGENTS,
             mdns_port: MDNS_PORT,
             peer: Vec::new(),
             control: fipa::default_control_path(),

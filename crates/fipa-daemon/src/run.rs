@@ -35,7 +35,7 @@ pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
                 say_conflict(options, &platform, &change);
                 text.directory_changed(&change);
             }
-            Some(notice) = notices.next() => say_same_name(options, &notice),
+            Some(notice) = notices.next() => say_notice(options, &notice),
             () = text.run() => {}
         }
     }
@@ -48,6 +48,7 @@ async fn platform(options: &Options) -> Result<Platform, Error> {
     let mut builder = Platform::builder()
         .scope(&options.scope)
         .mdns(!options.no_mdns)
+        .mdns_agents(options.mdns_agents)
         .mdns_port(options.mdns_port)
         .control(&options.control)
         .max_letter(options.max_letter);
@@ -104,14 +105,22 @@ fn say_conflict(options: &Options, platform: &Platform, change: &Change) {
     }
 }
 
-/// Another daemon bears our name.
-fn say_same_name(options: &Options, notice: &Notice) {
-    let Notice::Conflict { name, other } = notice else {
-        return;
+/// What somebody has to mend: another daemon bears our name, or C++ robots cannot be told of an
+/// agent.
+fn say_notice(options: &Options, notice: &Notice) {
+    let event = match notice {
+        Notice::Conflict { name, other } => {
+            tracing::error!("{notice}: give one of them another --name");
+            json!({"event": "conflict", "name": name.as_str(), "other": other.as_str()})
+        }
+        Notice::NotAnnounced { name, reason } => {
+            tracing::warn!("{notice}");
+            json!({"event": "not-announced", "name": name.as_str(), "reason": reason.as_str()})
+        }
+        _ => return,
     };
-    tracing::error!("{notice}: give one of them another --name");
     if options.json {
-        say(&json!({"event": "conflict", "name": name.as_str(), "other": other.as_str()}));
+        say(&event);
     }
 }
 

@@ -15,6 +15,7 @@ mod error;
 mod event;
 mod interface;
 mod mdns;
+mod probe;
 mod service_directory;
 
 pub use agent::{AgentsReport, DEFAULT_AGENTS, DiscoveredAgent, LeftOut};
@@ -22,3 +23,4 @@ pub use config::{InterfaceSelector, MDNS_PORT, MdnsConfig, ParseSelectorError, f
 pub use error::MdnsError;
 pub use event::{DiscoveredPeer, DiscoveryEvent};
 pub use mdns::Mdns;
+pub use probe::{HeardDaemon, InterfaceProbe, Multicast, probe};

@@ -12,6 +12,8 @@ mod peers;
 mod start;
 mod txt;
 
+pub(crate) use ears::{GROUP, open as open_at_group};
+
 use std::collections::VecDeque;
 use std::future::pending;
 use std::time::Duration;

@@ -3,7 +3,7 @@ use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Source, State};
 
 use crate::wire::{FrameError, Reader, put_list, put_text};
-use crate::{Hello, KnownPlatform, Parts, ReceiverOutcome};
+use crate::{Facts, Hello, KnownPlatform, Parts, ReceiverOutcome};
 
 /// One frame of a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,6 +56,10 @@ pub enum Frame {
     Goodbye(Text),
     /// Platforms that the speaker has open links with: what is new since it told last.
     Platforms(Vec<KnownPlatform>),
+    /// A program asks what there is to know for somebody who looks for a fault.
+    AskFacts,
+    /// The answer to that.
+    Facts(Facts),
     /// A kind that this version does not know; it is passed over.
     Unknown(u8),
 }
@@ -180,6 +184,8 @@ impl Frame {
             10 => Frame::Pong(r.u64()?),
             11 => Frame::Goodbye(r.text()?),
             12 => Frame::Platforms(r.list(KnownPlatform::read)?),
+            20 => Frame::AskFacts,
+            21 => Frame::Facts(Facts::read(r)?),
             other => Frame::Unknown(other),
         })
     }
@@ -198,6 +204,8 @@ impl Frame {
             Frame::Pong(_) => 10,
             Frame::Goodbye(_) => 11,
             Frame::Platforms(_) => 12,
+            Frame::AskFacts => 20,
+            Frame::Facts(_) => 21,
             Frame::Unknown(kind) => *kind,
         }
     }
@@ -238,7 +246,8 @@ impl Frame {
             Frame::Ping(nonce) | Frame::Pong(nonce) => out.put_u64(nonce),
             Frame::Goodbye(reason) => put_text(out, &reason),
             Frame::Platforms(platforms) => put_list(out, &platforms, KnownPlatform::put),
-            Frame::Watch | Frame::Unknown(_) => {}
+            Frame::Facts(facts) => facts.put(out),
+            Frame::Watch | Frame::AskFacts | Frame::Unknown(_) => {}
         }
         Parts::default()
     }
@@ -257,6 +266,7 @@ fn name_of(kind: u8) -> &'static str {
         10 => "pong",
         11 => "goodbye",
         12 => "platforms",
+        21 => "facts",
         _ => "unknown",
     }
 }

@@ -9,6 +9,7 @@
 //!   attach, detach ─▶ ◀─ answer      a program's agents
 //!   directory ─▶           snapshot, then changes; numbered by their owner
 //!   platforms ─▶           who else has an open link with the speaker, and where to dial
+//!   ask ─▶ ◀─ facts        what a person who looks for a fault wants to know
 //!   ping ─▶ ◀─ pong        heartbeat                goodbye ─▶ the reason for closing
 //! ```
 //!
@@ -16,6 +17,7 @@
 //! **Never knows** a socket or a clock, where a letter goes, or what the directory holds. A link
 //! between daemons and the control link of a program are the same.
 
+mod facts;
 mod frame;
 mod hello;
 mod incoming;
@@ -26,6 +28,7 @@ mod parts;
 mod platforms;
 mod wire;
 
+pub use facts::{Facts, PeerFacts};
 pub use frame::{DirectoryFrame, DirectoryItem, Frame, LetterFrame};
 pub use hello::{Hello, Role};
 pub use link::{Event, Link, LinkConfig, LinkError};

@@ -4,8 +4,8 @@ use bytes::{BufMut, Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Now, Source, State};
 use fipa_link::{
-    DirectoryFrame, DirectoryItem, Event, Frame, Hello, KnownPlatform, LetterFrame, Link,
-    LinkConfig, LinkError, Outcome, PREAMBLE, ReceiverOutcome, Role,
+    DirectoryFrame, DirectoryItem, Event, Facts, Frame, Hello, KnownPlatform, LetterFrame, Link,
+    LinkConfig, LinkError, Outcome, PREAMBLE, PeerFacts, ReceiverOutcome, Role,
 };
 use proptest::prelude::*;
 
@@ -100,6 +100,42 @@ fn platform() -> impl Strategy<Value = KnownPlatform> {
     )
 }
 
+fn facts() -> impl Strategy<Value = Facts> {
+    let peer = (
+        prop::option::of(any::<[u8; 16]>()),
+        text(),
+        prop::collection::vec(text(), 0..3),
+        any::<bool>(),
+        prop::option::of(any::<u64>()),
+        text(),
+    );
+    let peer = peer.prop_map(
+        |(instance, name, addresses, announced, heard_millis, error)| PeerFacts {
+            instance: instance.map(InstanceId::from_bytes),
+            name,
+            addresses,
+            announced,
+            heard_millis,
+            error,
+        },
+    );
+    let left_out = prop::collection::vec((text(), text()), 0..3);
+    let endpoints = prop::collection::vec(text(), 0..3);
+    let peers = prop::collection::vec(peer, 0..3);
+    let port = prop::option::of(1..=u16::MAX);
+    (instance(), text(), text(), endpoints, port, left_out, peers).prop_map(
+        |(instance, name, scope, endpoints, mdns_port, left_out, peers)| Facts {
+            instance,
+            name,
+            scope,
+            endpoints,
+            mdns_port,
+            left_out,
+            peers,
+        },
+    )
+}
+
 /// Any frame but those that a link answers by itself.
 fn frame() -> impl Strategy<Value = Frame> {
     let items = prop::collection::vec(item(), 0..5);
@@ -137,6 +173,8 @@ fn frame() -> impl Strategy<Value = Frame> {
         ),
         text().prop_map(Frame::Goodbye),
         prop::collection::vec(platform(), 0..5).prop_map(Frame::Platforms),
+        Just(Frame::AskFacts),
+        facts().prop_map(Frame::Facts),
     ]
 }
 
@@ -210,7 +248,7 @@ proptest! {
 
     #[test]
     fn a_frame_that_ends_too_soon_is_an_error(frame in any_frame(), keep: prop::sample::Index) {
-        prop_assume!(!matches!(frame, Frame::Letter(_) | Frame::Watch));
+        prop_assume!(!matches!(frame, Frame::Letter(_) | Frame::Watch | Frame::AskFacts));
         let octets = octets(frame).freeze();
         let end = 5 + keep.index(octets.len() - 5);
         prop_assert!(Frame::decode(octets[4], octets.slice(5..end)).is_err());

@@ -15,6 +15,8 @@ pub struct Config {
     pub scope: Text,
     /// Where others reach it, as they are told.
     pub endpoints: Vec<Address>,
+    /// The UDP port at which mDNS is spoken for it, if it is; for people who look for a fault.
+    pub mdns_port: Option<u16>,
     /// Octets of the largest letter.
     pub max_letter: usize,
     /// What the decoder of envelopes accepts.
@@ -43,6 +45,7 @@ impl Config {
             name: name.into(),
             scope: Text::default(),
             endpoints: Vec::new(),
+            mdns_port: None,
             max_letter: 256 << 20,
             limits: Limits::default(),
             longest_wait: Duration::from_secs(600),

@@ -4,7 +4,7 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
 use fipa_directory::{Address, Change, Directory, InstanceId, MESSAGE_TRANSPORT, Now};
-use fipa_link::ReceiverOutcome;
+use fipa_link::{Facts, ReceiverOutcome};
 
 /// A connection, numbered by whoever opens the sockets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -187,6 +187,8 @@ pub enum Output {
     Verify(Announced),
     /// Something for the log.
     Notice(Notice),
+    /// What the daemon told that was asked for facts.
+    Facts(Box<Facts>),
 }
 
 /// Something that a person who looks for a fault wants to know.
@@ -238,6 +240,13 @@ pub enum Notice {
         /// What is wrong, or for whom it was lost.
         reason: Text,
     },
+    /// An agent of ours is not announced to C++ robots. Over links it is known all the same.
+    NotAnnounced {
+        /// The agent.
+        name: Text,
+        /// Why not.
+        reason: Text,
+    },
     /// The daemon is there (again); told to programs.
     DaemonUp,
     /// The daemon is not there; it is looked for.
@@ -270,6 +279,9 @@ impl fmt::Display for Notice {
                 f,
                 "a letter of {octets} octets from {from} is lost: {reason}"
             ),
+            Notice::NotAnnounced { name, reason } => {
+                write!(f, "{name} is not announced to C++ robots: {reason}")
+            }
             Notice::DaemonUp => f.write_str("the daemon is there"),
             Notice::DaemonLost { reason } => write!(f, "the daemon is lost: {reason}"),
             Notice::DaemonGivenUp { reason } => write!(f, "no daemon: {reason}"),

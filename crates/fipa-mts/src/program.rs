@@ -115,6 +115,12 @@ impl Program {
         self.directory_known
     }
 
+    /// Asks the daemon what there is to know for somebody who looks for a fault; answered by
+    /// [`Output::Facts`]. A daemon that is not there, or is too old, does not answer.
+    pub fn ask_facts(&mut self, now: Now) {
+        self.send(now, Frame::AskFacts);
+    }
+
     fn id(&mut self) -> u64 {
         self.next_id += 1;
         self.next_id
@@ -205,6 +211,7 @@ impl Program {
             Frame::Receipt { id, outcomes } => self.on_receipt(id, outcomes),
             Frame::Answer { request, refusal } => self.on_answer(request, refusal),
             Frame::Directory(directory) => self.on_directory(now, directory),
+            Frame::Facts(facts) => self.outputs.push_back(Output::Facts(Box::new(facts))),
             // The end of the stream follows.
             _ => {}
         }

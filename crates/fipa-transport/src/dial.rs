@@ -19,6 +19,14 @@ const STAGGER: Duration = Duration::from_millis(250);
 #[error("{}", describe(.0))]
 pub struct DialError(Vec<(Address, io::Error)>);
 
+impl DialError {
+    /// Whether some host answered that nobody listens there.
+    pub fn is_refused(&self) -> bool {
+        let refused = |error: &io::Error| error.kind() == io::ErrorKind::ConnectionRefused;
+        self.0.iter().any(|(_, error)| refused(error))
+    }
+}
+
 fn describe(failures: &[(Address, io::Error)]) -> String {
     let each = failures
         .iter()

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId};
-use fipa_dsd::{InterfaceSelector, MDNS_PORT, MdnsConfig};
+use fipa_dsd::{DEFAULT_AGENTS, InterfaceSelector, MDNS_PORT, MdnsConfig};
 use fipa_mts::{Config, Mts};
 use fipa_transport::Listener;
 
@@ -29,6 +29,7 @@ pub struct PlatformBuilder {
     interfaces: Vec<InterfaceSelector>,
     mdns: bool,
     mdns_port: u16,
+    mdns_agents: usize,
     control: Option<PathBuf>,
     max_letter: Option<usize>,
 }
@@ -44,6 +45,7 @@ impl PlatformBuilder {
             interfaces: Vec::new(),
             mdns: true,
             mdns_port: MDNS_PORT,
+            mdns_agents: DEFAULT_AGENTS,
             control: None,
             max_letter: None,
         }
@@ -107,6 +109,13 @@ impl PlatformBuilder {
         self
     }
 
+    /// How many agents are announced to C++ robots at most; 0 announces none. Default 200.
+    #[must_use]
+    pub fn mdns_agents(mut self, most: usize) -> PlatformBuilder {
+        self.mdns_agents = most;
+        self
+    }
+
     /// The Unix socket at which local programs attach. Default: none.
     #[must_use]
     pub fn control(mut self, path: impl Into<PathBuf>) -> PlatformBuilder {
@@ -135,6 +144,7 @@ impl PlatformBuilder {
         let mut config = Config::new(instance, name);
         config.scope = Text::from(self.scope.as_str());
         config.endpoints = endpoints;
+        config.mdns_port = discovery.is_some().then_some(self.mdns_port);
         if let Some(max) = self.max_letter {
             config.max_letter = max;
             config.limits.max_octets = max;
@@ -244,6 +254,7 @@ impl PlatformBuilder {
             scope: self.scope.clone(),
             endpoints,
             interfaces: self.interfaces.clone(),
+            agents: self.mdns_agents,
             port: self.mdns_port,
         })?;
         Ok(Some(discovery))

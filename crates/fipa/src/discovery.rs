@@ -5,12 +5,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fipa_acl::Text;
-use fipa_directory::Address;
+use fipa_directory::{Address, Change};
 use fipa_dsd::{DiscoveredPeer, DiscoveryEvent, Mdns, MdnsConfig, MdnsError};
 use fipa_mts::{Announced, Mts};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
+use crate::announcing::Announcing;
 use crate::names::NameLock;
 use crate::node::Node;
 
@@ -31,6 +32,8 @@ pub(crate) struct Discovery {
     mdns: Option<Mdns>,
     pause: Duration,
     early: VecDeque<DiscoveryEvent>,
+    /// Whether mDNS was begun and does not know our agents yet.
+    fresh: bool,
 }
 
 impl Discovery {
@@ -46,6 +49,7 @@ impl Discovery {
         };
         Ok(Discovery {
             config,
+            fresh: mdns.is_some(),
             mdns,
             pause: FIRST_PAUSE,
             early: VecDeque::new(),
@@ -78,15 +82,21 @@ impl Discovery {
         }
     }
 
-    /// The next event. Cancel-safe.
-    async fn next(&mut self) -> DiscoveryEvent {
+    /// mDNS, if it is spoken and does not know our agents yet.
+    fn fresh(&mut self) -> Option<&mut Mdns> {
+        let fresh = std::mem::take(&mut self.fresh);
+        self.mdns.as_mut().filter(|_| fresh)
+    }
+
+    /// The next event; `None` when mDNS was begun anew. Cancel-safe.
+    async fn next(&mut self) -> Option<DiscoveryEvent> {
         loop {
             if let Some(event) = self.early.pop_front() {
-                return event;
+                return Some(event);
             }
             match &mut self.mdns {
                 Some(mdns) => match mdns.next().await {
-                    Some(event) => return event,
+                    Some(event) => return Some(event),
                     None => {
                         tracing::warn!("mDNS has ended, and is begun anew");
                         self.mdns = None;
@@ -95,6 +105,9 @@ impl Discovery {
                 None => {
                     tokio::time::sleep(self.pause).await;
                     self.start_again();
+                    if self.fresh {
+                        return None;
+                    }
                 }
             }
         }
@@ -105,6 +118,7 @@ impl Discovery {
             Ok(mdns) => {
                 tracing::info!("mDNS is spoken now");
                 self.mdns = Some(mdns);
+                self.fresh = true;
                 self.pause = FIRST_PAUSE;
             }
             Err(error) => {
@@ -115,44 +129,79 @@ impl Discovery {
     }
 }
 
-/// Keeps the service told of who is there, until the sender says goodbye.
+/// Keeps the service told of who is there, and the network of our agents, until the sender says
+/// goodbye.
 pub(crate) fn run(
     node: &Arc<Node<Mts>>,
     discovery: Discovery,
     lock: Option<NameLock>,
 ) -> (oneshot::Sender<()>, JoinHandle<()>) {
     let (goodbye, until) = oneshot::channel();
-    let verify = node.with(|_, _, hub| hub.verifications());
-    let node = Arc::clone(node);
+    let (verify, changes) = node.with(|_, _, hub| (hub.verifications(), hub.changes()));
+    let listener = Listener {
+        node: Arc::clone(node),
+        discovery,
+        announcing: Announcing::default(),
+    };
     let task = tokio::spawn(async move {
-        listen(node, discovery, verify, until).await;
+        listener.listen(verify, changes, until).await;
         drop(lock);
     });
     (goodbye, task)
 }
 
-async fn listen(
+/// What stands between mDNS and the service.
+struct Listener {
     node: Arc<Node<Mts>>,
-    mut discovery: Discovery,
-    mut verify: mpsc::UnboundedReceiver<Announced>,
-    mut until: oneshot::Receiver<()>,
-) {
-    loop {
-        tokio::select! {
-            event = discovery.next() => hand_over(&node, event),
-            Some(announced) = verify.recv() => {
-                // Of other agents than platforms mDNS tells nothing, so there is nothing to ask.
-                if let Announced::Platform(instance) = announced
-                    && let Some(Err(error)) =
-                        discovery.mdns.as_ref().map(|mdns| mdns.verify(instance))
-                {
-                    tracing::debug!("mDNS does not verify: {error}");
-                }
+    discovery: Discovery,
+    announcing: Announcing,
+}
+
+impl Listener {
+    async fn listen(
+        mut self,
+        mut verify: mpsc::UnboundedReceiver<Announced>,
+        mut changes: mpsc::UnboundedReceiver<Change>,
+        mut until: oneshot::Receiver<()>,
+    ) {
+        loop {
+            if let Some(mdns) = self.discovery.fresh() {
+                self.announcing.begin(&self.node, mdns);
             }
-            _ = &mut until => break,
+            tokio::select! {
+                event = self.discovery.next() => {
+                    event.into_iter().for_each(|event| hand_over(&self.node, event));
+                }
+                Some(announced) = verify.recv() => self.verify(announced),
+                Some(change) = changes.recv() => {
+                    if let Some(mdns) = &mut self.discovery.mdns {
+                        self.announcing.follow(&self.node, mdns, change);
+                    }
+                }
+                _ = &mut until => break,
+            }
+        }
+        self.discovery.shutdown().await;
+    }
+
+    /// Asks the network whether something is still there.
+    fn verify(&mut self, announced: Announced) {
+        let Some(mdns) = &mut self.discovery.mdns else {
+            return;
+        };
+        let asked = match &announced {
+            Announced::Platform(instance) => mdns.verify(*instance),
+            Announced::Agent(name) => mdns.verify_agent(name),
+        };
+        match (asked, announced) {
+            // Its goodbye is still to be handed over, or mDNS was begun anew without hearing it.
+            (Err(MdnsError::UnknownAgent(_)), Announced::Agent(name)) => {
+                self.node.with(|now, mts, _| mts.neighbour_gone(now, &name));
+            }
+            (Err(error), _) => tracing::debug!("mDNS does not verify: {error}"),
+            (Ok(()), _) => {}
         }
     }
-    discovery.shutdown().await;
 }
 
 fn hand_over(node: &Arc<Node<Mts>>, event: DiscoveryEvent) {
@@ -179,6 +228,15 @@ fn hand_over(node: &Arc<Node<Mts>>, event: DiscoveryEvent) {
         DiscoveryEvent::Lost(instance) => {
             node.with(|now, mts, _| mts.undiscovered(now, instance));
         }
+        // The agents of a daemon of ours come over the link with it.
+        DiscoveryEvent::AgentFound(agent) if agent.instance.is_none() => {
+            node.with(|now, mts, _| mts.neighbour_found(now, agent.entry));
+        }
+        DiscoveryEvent::AgentGone {
+            name,
+            instance: None,
+        } => node.with(|now, mts, _| mts.neighbour_gone(now, &name)),
+        DiscoveryEvent::AgentFound(_) | DiscoveryEvent::AgentGone { .. } => {}
         DiscoveryEvent::Warning(warning) => tracing::warn!("mDNS: {warning}"),
     }
 }

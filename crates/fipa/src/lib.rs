@@ -35,6 +35,7 @@
 
 mod addresses;
 mod agent;
+mod announcing;
 mod backend;
 pub mod blocking;
 mod builder;
@@ -42,6 +43,7 @@ mod clock;
 mod control_path;
 mod discovery;
 mod error;
+mod greet;
 mod names;
 mod node;
 mod platform;
@@ -55,12 +57,15 @@ pub use fipa_acl::{
     AgentId, Envelope, Expression, FipaTime, Letter, Message, Performative, Text, UserDefined,
 };
 pub use fipa_directory::{
-    Address, Change, ChangeKind, Entry, Field, Location, Now, Pattern, PatternError, Record,
-    Source, State,
+    Address, Change, ChangeKind, Entry, Field, InstanceId, Location, Now, Pattern, PatternError,
+    Record, Source, State,
 };
-pub use fipa_dsd::InterfaceSelector;
-pub use fipa_link::{Outcome, ReceiverOutcome};
+pub use fipa_dsd::{
+    HeardDaemon, InterfaceProbe, InterfaceSelector, MDNS_PORT, Multicast, probe as probe_mdns,
+};
+pub use fipa_link::{Facts, Outcome, PeerFacts, ReceiverOutcome};
 pub use fipa_mts::{Notice, RegisterError, Registration};
+pub use greet::{GreetError, Greeting, greet};
 pub use platform::{Changes, Notices, Platform};
 
 /// What most programs need.

@@ -8,7 +8,7 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
 use fipa_directory::{Address, Change, Now};
-use fipa_link::ReceiverOutcome;
+use fipa_link::{Facts, ReceiverOutcome};
 use fipa_mts::{
     Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, RegisterError,
 };
@@ -45,6 +45,7 @@ pub(crate) struct Hub {
     mail: HashMap<Text, Arc<Notify>>,
     changes: Vec<mpsc::UnboundedSender<Change>>,
     notices: Vec<mpsc::UnboundedSender<Notice>>,
+    facts: Vec<oneshot::Sender<Facts>>,
     verify: Option<mpsc::UnboundedSender<Announced>>,
     ended: bool,
 }
@@ -76,6 +77,13 @@ impl Hub {
         (self.next_ticket, receiver)
     }
 
+    /// Where the facts will come that a daemon is asked for.
+    pub(crate) fn expect_facts(&mut self) -> oneshot::Receiver<Facts> {
+        let (sender, receiver) = oneshot::channel();
+        self.facts.push(sender);
+        receiver
+    }
+
     /// What is notified when mail for this agent comes.
     pub(crate) fn on_mail(&mut self, name: &Text) -> Arc<Notify> {
         Arc::clone(self.mail.entry(name.clone()).or_default())
@@ -103,12 +111,20 @@ impl Hub {
         receiver
     }
 
+    /// Logs a notice and hands it to whoever listens.
+    fn tell(&mut self, notice: &Notice) {
+        tracing::info!("{notice}");
+        self.notices
+            .retain(|listener| listener.send(notice.clone()).is_ok());
+    }
+
     /// Nothing will come any more; whoever waits is told.
     pub(crate) fn end(&mut self) {
         self.ended = true;
         self.outcomes.clear();
         self.registrations.clear();
         self.leaves.clear();
+        self.facts.clear();
         self.changes.clear();
         self.notices.clear();
         self.mail
@@ -299,12 +315,15 @@ fn tell(hub: &mut Hub, output: Output) {
                 .retain(|listener| listener.send(change.clone()).is_ok());
         }
         Output::Notice(notice) => {
-            tracing::info!("{notice}");
-            hub.notices
-                .retain(|listener| listener.send(notice.clone()).is_ok());
+            hub.tell(&notice);
             if let Notice::DaemonGivenUp { .. } = notice {
                 hub.end();
             }
+        }
+        Output::Facts(facts) => {
+            // Whoever gave up waiting does not want to know any more.
+            let waiting = std::mem::take(&mut hub.facts).into_iter();
+            waiting.for_each(|waiter| drop(waiter.send((*facts).clone())));
         }
         Output::Verify(announced) => {
             if let Some(verify) = &hub.verify {

@@ -232,6 +232,20 @@ impl Platform {
         Notices(self.inner.backend.with(|_, _, hub| hub.notices()))
     }
 
+    /// What the message transport service knows of itself and of others, for people who look for a
+    /// fault. `None` from a daemon that does not answer: it is too old for that, or stands still.
+    pub async fn facts(&self) -> Option<fipa_link::Facts> {
+        let answer = match &self.inner.backend {
+            Backend::Service(node) => return Some(node.with(|now, mts, _| mts.facts(now))),
+            Backend::Program(node) => node.with(|now, program, hub| {
+                program.ask_facts(now);
+                hub.expect_facts()
+            }),
+        };
+        let patience = std::time::Duration::from_secs(2);
+        tokio::time::timeout(patience, answer).await.ok()?.ok()
+    }
+
     /// The time, as the ages in records are counted.
     pub fn now(&self) -> Now {
         self.inner.clock.now()

@@ -4,6 +4,7 @@
 pub mod agents;
 pub mod attach;
 pub mod decode;
+pub mod doctor;
 pub mod echo;
 pub mod encode;
 pub mod hiac;

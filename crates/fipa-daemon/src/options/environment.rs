@@ -19,6 +19,7 @@ pub(super) fn layer(env: impl Fn(&str) -> Option<String>) -> Result<Layer, Optio
         scope: one(env, "FIPAD_SCOPE", value::scope)?,
         interface: list(env, "FIPAD_INTERFACE", value::interface)?,
         no_mdns: one(env, "FIPAD_NO_MDNS", value::flag)?,
+        mdns_agents: one(env, "FIPAD_MDNS_AGENTS", value::count_text)?,
         mdns_port: one(env, "FIPAD_MDNS_PORT", value::port_text)?,
         peer: list(env, "FIPAD_PEER", value::peer_address)?,
         control: said(env, "FIPAD_CONTROL").map(PathBuf::from),

@@ -31,6 +31,9 @@ pub(crate) struct Layer {
     /// Neither announce this daemon by mDNS nor look for others
     #[arg(long, num_args = 0, default_missing_value = "true")]
     pub(crate) no_mdns: Option<bool>,
+    /// How many agents are announced to C++ robots at most; 0 announces none [default: 200]
+    #[arg(long, value_name = "N", value_parser = value::count_text)]
+    pub(crate) mdns_agents: Option<usize>,
     /// The UDP port of mDNS [default: 5353]
     #[arg(long, value_name = "PORT", value_parser = value::port_text, hide = true)]
     pub(crate) mdns_port: Option<u16>,
@@ -63,6 +66,7 @@ impl Layer {
             scope: self.scope.or(weaker.scope),
             interface: self.interface.or(weaker.interface),
             no_mdns: self.no_mdns.or(weaker.no_mdns),
+            mdns_agents: self.mdns_agents.or(weaker.mdns_agents),
             mdns_port: self.mdns_port.or(weaker.mdns_port),
             peer: self.peer.or(weaker.peer),
             control: self.control.or(weaker.control),
@@ -83,6 +87,7 @@ impl Layer {
             scope: self.scope.unwrap_or(default.scope),
             interface: self.interface.unwrap_or(default.interface),
             no_mdns: self.no_mdns.unwrap_or(default.no_mdns),
+            mdns_agents: self.mdns_agents.unwrap_or(default.mdns_agents),
             mdns_port: self.mdns_port.unwrap_or(default.mdns_port),
             peer: self.peer.unwrap_or(default.peer),
             control: control.unwrap_or(default.control),

@@ -81,6 +81,16 @@ pub(crate) fn port(number: u64) -> Result<u16, String> {
     }
 }
 
+/// A number of things in decimal.
+pub(super) fn count_text(text: &str) -> Result<usize, String> {
+    count(number(text)?)
+}
+
+/// A number of things.
+pub(crate) fn count(number: u64) -> Result<usize, String> {
+    usize::try_from(number).map_err(|_| format!("{number} is too many"))
+}
+
 /// The size of the largest letter in decimal.
 pub(super) fn letter_size_text(text: &str) -> Result<usize, String> {
     letter_size(number(text)?)

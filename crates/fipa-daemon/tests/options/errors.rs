@@ -68,6 +68,10 @@ fn wrong_places_in_the_file_are_named() {
             "name = 'two words'",
             r#"1:8: name: "two words" is not a name"#,
         ),
+        (
+            "mdns-agents = -1",
+            "1:15: mdns-agents: -1 is negative or too large",
+        ),
         ("mdns-port = 65536", "1:13: mdns-port: 65536 is not a port"),
         ("mdns-port = 0", "1:13: mdns-port: 0 is not a port"),
         (
@@ -173,6 +177,10 @@ fn wrong_options_are_one_line() {
         (
             &["--name", "a\n\nb"],
             "invalid value 'a b' for '--name <NAME>'",
+        ),
+        (
+            &["--mdns-agents", "all"],
+            "invalid value 'all' for '--mdns-agents <N>': \"all\" is not a whole number",
         ),
         (
             &["--mdns-port", "0"],

@@ -13,6 +13,7 @@ fn nothing_said_gives_the_defaults() {
     assert_eq!(options, Options::default());
     assert_eq!(texts(&options.listen), ["tcp://127.0.0.1:0"]);
     assert_eq!(options.name, None);
+    assert_eq!(options.mdns_agents, 200);
     assert_eq!(options.mdns_port, 5353);
     assert_eq!(options.max_letter, 268_435_456);
     assert_eq!(options.control, fipa::default_control_path());
@@ -53,6 +54,7 @@ fn every_option_can_be_given_in_every_source() {
         scope: "plant".into(),
         interface: vec!["wlan0".parse().unwrap(), "10.0.0.0/8".parse().unwrap()],
         no_mdns: true,
+        mdns_agents: 20,
         mdns_port: 5454,
         peer: vec!["tcp://[::1]:1".parse().unwrap(), "b:2".parse().unwrap()],
         control: "/run/x.sock".into(),
@@ -65,8 +67,8 @@ fn every_option_can_be_given_in_every_source() {
     };
     let words = "--name robot1 --listen tcp://0.0.0.0:4100 --listen unix:///a \
                  --advertise tcp://robot1:4100 --scope plant --interface wlan0 \
-                 --interface 10.0.0.0/8 --no-mdns --mdns-port 5454 --peer [::1]:1 --peer b:2 \
-                 --control /run/x.sock --json --text udp://127.0.0.1:5000 \
+                 --interface 10.0.0.0/8 --no-mdns --mdns-agents 20 --mdns-port 5454 \
+                 --peer [::1]:1 --peer b:2 --control /run/x.sock --json --text udp://127.0.0.1:5000 \
                  --text serial:///dev/ttyUSB0?baud=9600 --max-letter 1000";
     let words: Vec<&str> = words.split_whitespace().collect();
     assert_eq!(line(&words).options(), wanted);
@@ -77,6 +79,7 @@ fn every_option_can_be_given_in_every_source() {
         scope = "plant"
         interface = ["wlan0", "10.0.0.0/8"]
         no-mdns = true
+        mdns-agents = 20
         mdns-port = 5454
         peer = ["[::1]:1", "tcp://b:2"]
         control = "/run/x.sock"
@@ -92,6 +95,7 @@ fn every_option_can_be_given_in_every_source() {
         ("FIPAD_SCOPE", "plant"),
         ("FIPAD_INTERFACE", "wlan0 10.0.0.0/8"),
         ("FIPAD_NO_MDNS", "1"),
+        ("FIPAD_MDNS_AGENTS", "20"),
         ("FIPAD_MDNS_PORT", "5454"),
         ("FIPAD_PEER", " [::1]:1 ,\n b:2,"),
         ("FIPAD_CONTROL", "/run/x.sock"),
@@ -152,7 +156,7 @@ fn the_default_file_is_the_defaults() {
     let keys: Vec<&str> = keys
         .filter(|line| line.starts_with(char::is_alphabetic))
         .collect();
-    assert_eq!(keys.len(), 12);
+    assert_eq!(keys.len(), 13);
     let text = keys.join("\n");
     let given = Given {
         file: Some(&text),

@@ -10,7 +10,7 @@ use tokio::net::UdpSocket;
 use crate::interface::Post;
 
 /// The multicast group of mDNS. C++ robots have no addresses but those of IPv4.
-const GROUP: Ipv4Addr = Ipv4Addr::new(224, 0, 0, 251);
+pub(crate) const GROUP: Ipv4Addr = Ipv4Addr::new(224, 0, 0, 251);
 /// The longest packet (RFC 6762 section 17).
 const LONGEST: usize = 9000;
 /// The buffer that the system is asked for: many robots may answer at once.
@@ -98,7 +98,8 @@ impl Ears {
     }
 }
 
-fn open(address: Ipv4Addr, port: u16) -> io::Result<UdpSocket> {
+/// A socket that hears what is sent to the group on the interface with this address, and sends there.
+pub(crate) fn open(address: Ipv4Addr, port: u16) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
     socket.set_reuse_address(true)?;
     #[cfg(unix)]

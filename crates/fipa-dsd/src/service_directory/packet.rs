@@ -108,7 +108,7 @@ pub(crate) fn ask_for_texts(service_type: &ServiceType, labels: &[String]) -> Ve
 
 /// Whether a packet is as long as the number of its records demands, so that memory is not taken
 /// for records that never arrived.
-fn announces_what_it_holds(packet: &[u8]) -> bool {
+pub(crate) fn announces_what_it_holds(packet: &[u8]) -> bool {
     let Some((header, body)) = packet.split_at_checked(HEADER) else {
         return false;
     };

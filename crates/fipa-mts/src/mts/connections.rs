@@ -378,6 +378,10 @@ impl Mts {
                 *watch = true;
                 self.send_everything(now, conn);
             }
+            (Frame::AskFacts, Partner::Program { .. }) => {
+                let facts = self.facts(now);
+                self.send(now, conn, Frame::Facts(facts));
+            }
             (
                 Frame::Attach {
                     request,

@@ -6,6 +6,7 @@ mod deliveries;
 mod dialects;
 mod dialling;
 mod duplicates;
+mod facts;
 mod gossip;
 mod moves;
 mod neighbours;
@@ -70,6 +71,8 @@ pub struct Mts {
     seeds: Seeds,
     /// Agents of other makes, by name.
     neighbours: HashMap<Text, Neighbour>,
+    /// Agents of ours that C++ robots are not told of, and why.
+    left_out: BTreeMap<Text, Text>,
     post: Post,
     dials: HashMap<DialId, Purpose>,
     locals: HashMap<Text, Local>,
@@ -115,6 +118,7 @@ impl Mts {
             seen: HashMap::new(),
             seeds: Seeds::default(),
             neighbours: HashMap::new(),
+            left_out: BTreeMap::new(),
             post: Post::default(),
             dials: HashMap::new(),
             locals: HashMap::new(),
@@ -351,6 +355,7 @@ impl Mts {
 
     fn remove_local(&mut self, now: Now, name: &str) -> Option<Local> {
         let local = self.locals.remove(name)?;
+        self.left_out.remove(name);
         self.directory.remove(now, self.config.instance, name);
         Some(local)
     }

@@ -24,6 +24,10 @@ impl Seeds {
         self.seeds.get(&id)
     }
 
+    pub(super) fn iter(&self) -> impl Iterator<Item = &Seed> {
+        self.seeds.values()
+    }
+
     pub(super) fn get_mut(&mut self, id: u64) -> Option<&mut Seed> {
         self.seeds.get_mut(&id)
     }
