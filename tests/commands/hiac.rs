@@ -1,5 +1,9 @@
-//! `fipa hiac` between pipes.
+//! `fipa hiac` between pipes, and on a stream.
 
+use std::io::{Read, Write};
+use std::net::TcpStream;
+
+use crate::support::PATIENCE;
 use crate::support::daemon::tool;
 use crate::support::process::{Ended, Process};
 
@@ -113,4 +117,61 @@ fn a_packet_that_cannot_be_written_ends_it_with_2_and_says_where() {
     }
     let ended = piped(&["hiac", "decode", "--mask", "00:00:00:05"], b"");
     assert_eq!(ended.code, Some(2), "{ended:?}");
+}
+
+#[test]
+fn a_device_waits_for_its_employer_and_answers_it() {
+    let url = "tcp://127.0.0.1:0?listen";
+    let mut device = Process::start(tool(&["hiac", "device", url, "--name", "drive", "--json"]));
+    let listening = device.json();
+    assert_eq!(listening["event"], "listening");
+    let bound = listening["url"].as_str().unwrap();
+    let place = bound
+        .strip_prefix("tcp://")
+        .and_then(|rest| rest.split('?').next())
+        .unwrap();
+    let mut employer = TcpStream::connect(place).unwrap();
+    employer.set_read_timeout(Some(PATIENCE)).unwrap();
+    employer
+        .write_all(&octets("F8 1E 01 20 C4 D2 05 20 C4 D2 00 21 02 01 04 20 C4 D2 05 02 04 00 00 00 FC CF 03 02 03 E8 04 04 00 01 00 00 05 01 03 06 02 41 3E 07 01 00 09 F9"))
+        .unwrap();
+    // Its largest packet is 65536, and it has all types.
+    assert_eq!(
+        hear(&mut employer),
+        "f81e0120c4d20020c4d2052803010420c4d2050204000000fccf030203e80404000100000501030602413e0701020a0564726976653cf9"
+    );
+    assert_eq!(device.json()["address"], "20:C4:D2:05");
+    // A question with reference 1, to be confirmed; sum.
+    employer
+        .write_all(&octets("F8 13 4C 00 05 00 05 00 02 01 68 69 3D F9"))
+        .unwrap();
+    assert!(hear(&mut employer).starts_with("f81e4120c4d20020c4d2050701080100090100"));
+    let answer = hear(&mut employer);
+    // Confirmed and by level as the question, with its reference; CRC-32, since both can.
+    assert!(answer.starts_with("f8134e000005050003016869"), "{answer}");
+    assert_eq!(device.json()["event"], "question");
+    device.signal(rustix::process::Signal::TERM);
+    assert_eq!(device.wait().code, Some(0));
+}
+
+fn octets(hex: &str) -> Vec<u8> {
+    let digits: Vec<u8> = hex.bytes().filter(u8::is_ascii_hexdigit).collect();
+    let pair = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
+    digits.chunks(2).map(pair).collect()
+}
+
+/// The next packet that is not just a sign of life.
+fn hear(stream: &mut TcpStream) -> String {
+    loop {
+        let mut packet = vec![0];
+        stream.read_exact(&mut packet).unwrap();
+        while packet.last() != Some(&0xF9) {
+            let mut octet = [0];
+            stream.read_exact(&mut octet).unwrap();
+            packet.push(octet[0]);
+        }
+        if packet.len() > 2 {
+            return packet.iter().map(|octet| format!("{octet:02x}")).collect();
+        }
+    }
 }

@@ -6,6 +6,7 @@ mod support;
 mod cpp;
 mod doctor;
 mod ending;
+mod hiac;
 mod joining;
 mod losing;
 mod names;

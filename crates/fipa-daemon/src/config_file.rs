@@ -10,6 +10,7 @@ mod suggestion;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use fipa::Text;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -22,7 +23,7 @@ use suggestion::nearest;
 pub const DEFAULT_CONFIG: &str = include_str!("default_config.toml");
 
 /// The keys, in the order of the options.
-pub(crate) const KEYS: [&str; 13] = [
+pub(crate) const KEYS: [&str; 15] = [
     "name",
     "listen",
     "advertise",
@@ -34,9 +35,14 @@ pub(crate) const KEYS: [&str; 13] = [
     "peer",
     "control",
     "json",
+    "hiac",
+    "hiac-address",
     "text",
     "max-letter",
 ];
+
+/// The tables, which have no option.
+const TABLES: [&str; 2] = ["hiac-devices", "hiac-aliases"];
 
 /// What a file says.
 pub(crate) fn load(file: &Path) -> Result<Layer, OptionsError> {
@@ -70,7 +76,8 @@ impl Wrong {
     fn key(key: &Spanned<impl AsRef<str>>) -> Wrong {
         let name = key.get_ref().as_ref();
         let mut problem = format!("unknown key {name:?}");
-        if let Some(known) = nearest(name, &KEYS) {
+        let known: Vec<&str> = KEYS.into_iter().chain(TABLES).collect();
+        if let Some(known) = nearest(name, &known) {
             problem += &format!(" (did you mean {known:?}?)");
         }
         Wrong {
@@ -120,11 +127,32 @@ fn put(
         "peer" => layer.peer = Some(entry.list(value::peer_address)?),
         "control" => layer.control = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
         "json" => layer.json = Some(entry.flag()?),
+        "hiac" => layer.hiac = Some(entry.list(value::hiac_endpoint)?),
+        "hiac-address" => layer.hiac_address = entry.text(optional(value::hiac_workgroup))?,
+        "hiac-devices" => {
+            let devices = entry.table(value::hiac_address, value::name)?;
+            layer.hiac_names.get_or_insert_default().devices = devices;
+        }
+        "hiac-aliases" => {
+            let agent = |text: &str| value::name(text).map(Text::from);
+            let aliases = entry.table(value::hiac_address, agent)?;
+            layer.hiac_names.get_or_insert_default().aliases = aliases;
+        }
         "text" => layer.text = Some(entry.list(value::text_endpoint)?),
         "max-letter" => layer.max_letter = Some(entry.number(value::letter_size)?),
         _ => return Err(Wrong::key(key)),
     }
     Ok(())
+}
+
+/// Empty text says nothing.
+fn optional<T>(
+    read: impl Fn(&str) -> Result<T, String>,
+) -> impl Fn(&str) -> Result<Option<T>, String> {
+    move |text| match text {
+        "" => Ok(None),
+        text => read(text).map(Some),
+    }
 }
 
 /// Empty text stands for the default, so that there is a default to show.

@@ -10,6 +10,8 @@
 
 mod config_file;
 mod demo;
+mod fleet;
+mod hiac;
 pub mod options;
 mod run;
 mod text;

@@ -21,6 +21,9 @@ use std::path::PathBuf;
 
 use fipa_directory::Address;
 use fipa_dsd::{DEFAULT_AGENTS, InterfaceSelector, MDNS_PORT};
+use fipa_gateway::HiacNames;
+use hiac::links::Endpoint as HiacEndpoint;
+use hiac::station::{Role, Workgroup};
 use robot_text::links::Endpoint;
 
 pub use crate::config_file::DEFAULT_CONFIG;
@@ -57,6 +60,12 @@ pub struct Options {
     pub control: PathBuf,
     /// Whether standard output carries JSON.
     pub json: bool,
+    /// Where HIAC stations are.
+    pub hiac: Vec<HiacEndpoint>,
+    /// The HIAC address of the daemon and the mask of its workgroup; always there with `hiac`.
+    pub hiac_address: Option<Workgroup>,
+    /// What HIAC devices are called, and which agents they know.
+    pub hiac_names: HiacNames,
     /// Where agents of the text format are.
     pub text: Vec<Endpoint>,
     /// Octets of the largest letter that is taken, at least 1.
@@ -77,6 +86,9 @@ impl Default for Options {
             peer: Vec::new(),
             control: fipa::default_control_path(),
             json: false,
+            hiac: Vec::new(),
+            hiac_address: None,
+            hiac_names: HiacNames::default(),
             text: Vec::new(),
             max_letter: 256 << 20,
         }
@@ -87,7 +99,7 @@ impl Default for Options {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Invocation {
     /// Run the daemon.
-    Run(Options),
+    Run(Box<Options>),
     /// Show the tour.
     Demo,
     /// Print [`DEFAULT_CONFIG`].
@@ -123,7 +135,7 @@ pub fn parse(
     match line.command {
         Some(Subcommand::Demo) => Ok(Invocation::Demo),
         Some(Subcommand::Config) => Ok(Invocation::Config),
-        None => merged(*line, env).map(Invocation::Run),
+        None => merged(*line, env).map(|options| Invocation::Run(Box::new(options))),
     }
 }
 
@@ -136,5 +148,37 @@ fn merged(
         None => Layer::default(),
     };
     let variables = environment::layer(&env)?;
-    Ok(line.options.over(file).over(variables).into_options())
+    let options = line.options.over(file).over(variables).into_options();
+    check_hiac(&options).map_err(OptionsError::Usage)?;
+    Ok(options)
+}
+
+/// What only all sources together can get wrong.
+fn check_hiac(options: &Options) -> Result<(), String> {
+    let Some(group) = options.hiac_address else {
+        return match options.hiac.first() {
+            None => Ok(()),
+            Some(url) => Err(format!(
+                "{url} needs --hiac-address, the own address and mask"
+            )),
+        };
+    };
+    let employees = options
+        .hiac
+        .iter()
+        .filter(|endpoint| endpoint.role == Role::Employer);
+    let given = employees.filter_map(|endpoint| endpoint.address);
+    let mut devices = given.chain(options.hiac_names.aliases.keys().copied());
+    let fits = |address: &hiac::Address| {
+        let level = group.mask.level(*address);
+        group.mask.address(group.address, level) == Some(*address)
+            && (1..group.mask.broadcast()).contains(&level)
+    };
+    match devices.find(|address| !fits(address)) {
+        None => Ok(()),
+        Some(address) => Err(format!(
+            "{address} is no address of the workgroup of {} under {}",
+            group.address, group.mask
+        )),
+    }
 }

@@ -6,6 +6,7 @@ use fipa::{Change, ChangeKind, Error, Notice, Platform};
 use serde_json::{Value, json};
 use tokio::signal::unix::{SignalKind, signal};
 
+use crate::hiac::{BindHiacError, HiacService};
 use crate::options::Options;
 use crate::text::{BindTextError, TextService};
 
@@ -16,6 +17,8 @@ pub(crate) enum RunError {
     Platform(#[from] Error),
     #[error(transparent)]
     Text(#[from] BindTextError),
+    #[error(transparent)]
+    Hiac(#[from] BindHiacError),
 }
 
 /// Runs the daemon until SIGINT or SIGTERM.
@@ -26,7 +29,8 @@ pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
     let mut changes = platform.watch();
     let mut notices = platform.notices();
     let mut text = TextService::start(&platform, &options.text).await?;
-    say_ready(options, &platform, &text);
+    let mut hiac = HiacService::start(&platform, options).await?;
+    say_ready(options, &platform, hiac.bound(), text.bound());
     loop {
         tokio::select! {
             _ = interrupt.recv() => break,
@@ -34,11 +38,14 @@ pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
             Some(change) = changes.next() => {
                 say_conflict(options, &platform, &change);
                 text.directory_changed(&change);
+                hiac.directory_changed(&change);
             }
             Some(notice) = notices.next() => say_notice(options, &notice),
             () = text.run() => {}
+            () = hiac.run() => {}
         }
     }
+    hiac.end().await;
     tracing::info!("ends");
     platform.shutdown().await;
     Ok(())
@@ -70,7 +77,7 @@ async fn platform(options: &Options) -> Result<Platform, Error> {
     builder.start().await
 }
 
-fn say_ready(options: &Options, platform: &Platform, text: &TextService) {
+fn say_ready(options: &Options, platform: &Platform, hiac: &[String], text: &[String]) {
     let endpoints: Vec<String> = platform.endpoints().iter().map(|e| e.to_string()).collect();
     let name = platform.name();
     let control = options.control.display().to_string();
@@ -80,8 +87,8 @@ fn say_ready(options: &Options, platform: &Platform, text: &TextService) {
             "name": name.as_str(),
             "endpoints": endpoints,
             "http": Value::Null,
-            "hiac": [],
-            "text": text.bound(),
+            "hiac": hiac,
+            "text": text,
             "control": control,
         }));
     } else {

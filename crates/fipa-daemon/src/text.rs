@@ -1,24 +1,18 @@
 //! The agents of the text format behind the daemon.
 //!
 //! ```text
-//!   Links ── messages ──▶ TextGateway ── register, send ──▶ fipa::Agent (one each)
+//!   Links ── messages ──▶ TextGateway ── register, send ──▶ Fleet
 //!         ◀── write ─────             ◀── deliver ─────────
 //! ```
 
-use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-use fipa::{
-    Agent, Change, ChangeKind, DEFAULT_TIMEOUT, Error, Message, Platform, ReceiveError, Text,
-};
+use fipa::{Change, ChangeKind, Platform, Registration};
 use fipa_gateway::{TextGateway, TextOutput};
 use robot_text::PlatformConfig;
 use robot_text::links::{Endpoint, LinkEvent, Links};
-use tokio::sync::mpsc;
-use tokio::task::AbortHandle;
 
-/// What comes from the fleet and waits for the gateway.
-const WAITING: usize = 64;
+use crate::fleet::{Fleet, FleetEvent};
 
 /// A place for text agents that cannot be bound.
 #[derive(Debug, thiserror::Error)]
@@ -30,36 +24,11 @@ pub(crate) struct BindTextError {
 
 /// The text platform of the daemon.
 pub(crate) struct TextService {
-    platform: Platform,
     gateway: TextGateway,
+    fleet: Fleet,
     links: Links,
     bound: Vec<String>,
-    agents: HashMap<Text, Listening>,
-    events: mpsc::Sender<FleetEvent>,
-    from_fleet: mpsc::Receiver<FleetEvent>,
     began: Instant,
-}
-
-/// The task of an agent in the fleet; the agent goes with it.
-struct Listening(AbortHandle);
-
-impl Drop for Listening {
-    fn drop(&mut self) {
-        self.0.abort();
-    }
-}
-
-/// What the fleet has to say.
-enum FleetEvent {
-    Registered(Result<Agent, (Text, Error)>),
-    Message {
-        to: Text,
-        message: Box<Message>,
-    },
-    Undelivered {
-        message: Box<Message>,
-        reason: String,
-    },
 }
 
 impl TextService {
@@ -79,15 +48,11 @@ impl TextService {
                 }
             }
         }
-        let (events, from_fleet) = mpsc::channel(WAITING);
         Ok(TextService {
             gateway: TextGateway::new(platform.name(), PlatformConfig::default()),
-            platform: platform.clone(),
+            fleet: Fleet::new(platform),
             links,
             bound,
-            agents: HashMap::new(),
-            events,
-            from_fleet,
             began: Instant::now(),
         })
     }
@@ -108,7 +73,7 @@ impl TextService {
         };
         tokio::select! {
             event = self.links.next() => self.link_event(event),
-            Some(event) = self.from_fleet.recv() => self.fleet_event(event),
+            event = self.fleet.next() => self.fleet_event(event),
             () = timeout => self.gateway.handle_timeout(self.began.elapsed()),
         }
         self.settle();
@@ -129,9 +94,9 @@ impl TextService {
         match event {
             LinkEvent::Opened(stream) => tracing::debug!("text stream {} is open", stream.0),
             LinkEvent::Received(from, message) => {
-                let (now, platform) = (self.now(), &self.platform);
-                let fleet = |name: &str| platform.find(name).is_some();
-                self.gateway.received(now, from, message, fleet);
+                let (now, fleet) = (self.now(), &self.fleet);
+                self.gateway
+                    .received(now, from, message, |name| fleet.knows(name));
             }
             LinkEvent::Unreadable(from, unreadable) => {
                 tracing::warn!(
@@ -156,14 +121,6 @@ impl TextService {
 
     fn fleet_event(&mut self, event: FleetEvent) {
         match event {
-            FleetEvent::Registered(Ok(agent)) => {
-                let name = agent.name().clone();
-                let task = tokio::spawn(listen(agent, self.events.clone()));
-                self.agents.insert(name, Listening(task.abort_handle()));
-            }
-            FleetEvent::Registered(Err((name, error))) => {
-                tracing::error!("the text agent {name} does not appear in the fleet: {error}");
-            }
             FleetEvent::Message { to, message } => {
                 self.gateway.deliver(self.now(), &to, &message);
             }
@@ -176,66 +133,15 @@ impl TextService {
     fn settle(&mut self) {
         while let Some(output) = self.gateway.poll_output() {
             match output {
-                TextOutput::Register(name) => self.register(name),
-                TextOutput::Deregister(name) => {
-                    self.agents.remove(&name);
-                }
-                TextOutput::Send(message) => self.send(message),
+                TextOutput::Register(name) => self.fleet.register(Registration::new(name)),
+                TextOutput::Deregister(name) => self.fleet.deregister(&name),
+                TextOutput::Send(message) => self.fleet.send(message),
                 TextOutput::Write {
                     to,
                     message,
                     ticket,
                 } => self.links.write(to, &message, ticket),
             }
-        }
-    }
-
-    fn register(&mut self, name: Text) {
-        let (platform, events) = (self.platform.clone(), self.events.clone());
-        tokio::spawn(async move {
-            let registered = platform.agent(name.clone()).await;
-            let event = FleetEvent::Registered(registered.map_err(|error| (name, error)));
-            // The daemon ends.
-            let _ = events.send(event).await;
-        });
-    }
-
-    fn send(&mut self, message: Box<Message>) {
-        let (platform, events) = (self.platform.clone(), self.events.clone());
-        tokio::spawn(async move {
-            let outcomes = platform.send_as((*message).clone(), DEFAULT_TIMEOUT).await;
-            let failed = outcomes
-                .iter()
-                .find(|outcome| !outcome.outcome.is_success());
-            if let Some(failed) = failed {
-                let reason = failed.reason.to_string();
-                // The daemon ends.
-                let _ = events
-                    .send(FleetEvent::Undelivered { message, reason })
-                    .await;
-            }
-        });
-    }
-}
-
-/// Hands on what comes for an agent.
-async fn listen(agent: Agent, events: mpsc::Sender<FleetEvent>) {
-    loop {
-        let message = match agent.receive().await {
-            Ok(message) => Box::new(message),
-            Err(ReceiveError::Ended) => return,
-            Err(error) => {
-                tracing::warn!("{}: {error}", agent.name());
-                continue;
-            }
-        };
-        let to = agent.name().clone();
-        if events
-            .send(FleetEvent::Message { to, message })
-            .await
-            .is_err()
-        {
-            return;
         }
     }
 }

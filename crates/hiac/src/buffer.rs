@@ -72,6 +72,10 @@ impl Growing {
             limit,
         }
     }
+
+    pub(crate) fn into_octets(self) -> alloc::vec::Vec<u8> {
+        self.octets
+    }
 }
 
 #[cfg(feature = "alloc")]

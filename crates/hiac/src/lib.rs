@@ -4,11 +4,13 @@
 //! ```text
 //!   octets of the link ─ edcp::Decoder ─▶ octets of a packet ─ Packet::decode ─▶ Packet
 //!   octets of the link ◀─ edcp::escaped ─ octets of a packet ◀─ Packet::encode ── Packet
+//!   octets of the link ◀────────────── Station ──────────────▶ messages, signals, confirmations
 //! ```
 //!
-//! **Knows** how a packet is written and found again in a noisy stream. **Never knows** a socket,
-//! a clock or an allocator: it is `no_std`, works octet by octet in memory that it is given, and
-//! runs unchanged on a microcontroller and in the daemon.
+//! **Knows** how a packet is written and found again in a noisy stream, and with the feature
+//! `alloc` how stations of a hierarchy speak by such packets ([`Station`]). **Never knows** a clock,
+//! nor a socket outside of `links`: it is `no_std` and runs unchanged on a microcontroller and in
+//! the daemon. Without `alloc` it works octet by octet in memory that it is given.
 //!
 //! ```
 //! use hiac::{Addressing, Mask, Packet, PacketType, edcp};
@@ -26,18 +28,30 @@
 
 #[cfg(feature = "alloc")]
 extern crate alloc;
+#[cfg(feature = "links")]
+extern crate std;
 
 mod address;
 mod buffer;
+pub mod content;
 pub mod edcp;
+#[cfg(feature = "links")]
+pub mod links;
 mod packet;
 mod read;
+#[cfg(feature = "alloc")]
+pub mod station;
+pub mod sys;
 mod write;
 
 pub use address::{Address, AddressError, Level, Mask, MaskError};
 #[cfg(feature = "alloc")]
 pub use buffer::Growing;
 pub use buffer::{Buffer, Fixed};
+pub use content::Content;
 pub use packet::{Addressing, Check, Fragment, Numbered, Packet, PacketType};
 pub use read::ReadError;
+#[cfg(feature = "alloc")]
+pub use station::Station;
+pub use sys::Outcome;
 pub use write::{Encoded, WriteError};

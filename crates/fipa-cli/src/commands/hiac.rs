@@ -1,4 +1,7 @@
-//! `fipa hiac`: what passes on a HIAC link to and from JSON.
+//! `fipa hiac`: what passes on a HIAC link to and from JSON, a device, and those of the daemon.
+
+mod device;
+mod devices;
 
 use std::io::{Read, Write};
 use std::path::PathBuf;
@@ -28,6 +31,10 @@ pub enum Action {
     Decode(Translation),
     /// Write packets given as JSON as an octet stream
     Encode(Translation),
+    /// Be a device: wait for an employer, answer each question with its own octets
+    Device(device::Args),
+    /// List the devices behind the daemon
+    Devices(devices::Args),
 }
 
 /// The options of a translation.
@@ -51,7 +58,8 @@ fn mask(text: &str) -> Result<Mask, String> {
 /// Does what the options say, with standard output.
 ///
 /// # Errors
-/// Exit code 3 for a file that cannot be read, else see [`decode`] and [`encode`].
+/// Exit code 3 for a file that cannot be read, else see [`decode`] and [`encode`]; for what talks
+/// to others 3 if it cannot bind or there is no daemon, and 1 if there is no device.
 pub fn run(args: &Args) -> Result<(), Failure> {
     match &args.action {
         Action::Decode(Translation { mask, file }) => {
@@ -62,6 +70,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             let input = streams::read_input(file)?;
             streams::write_output(|output| encode(&input, *mask, output))
         }
+        Action::Device(args) => device::run(args),
+        Action::Devices(args) => devices::run(args),
     }
 }
 

@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use fipa_directory::Address;
 use toml::Spanned;
 use toml::de::DeValue;
@@ -36,6 +38,32 @@ impl Entry<'_> {
             _ => Err(self.not("a list of strings only", item)),
         };
         items.iter().map(item).collect()
+    }
+
+    /// A table of strings.
+    pub(super) fn table<K: Ord, V>(
+        &self,
+        read_key: impl Fn(&str) -> Result<K, String>,
+        read: impl Fn(&str) -> Result<V, String>,
+    ) -> Result<BTreeMap<K, V>, Wrong> {
+        let DeValue::Table(table) = self.value.get_ref() else {
+            return Err(self.not("a table", self.value));
+        };
+        let pair = |(key, value): (&Spanned<_>, &Spanned<DeValue<'_>>)| {
+            let name: &std::borrow::Cow<'_, str> = key.get_ref();
+            let known = read_key(name).map_err(|problem| Wrong {
+                at: key.span().start,
+                problem: format!("{}: {problem}", self.key),
+            })?;
+            match value.get_ref() {
+                DeValue::String(text) => {
+                    let value = read(text).map_err(|problem| self.bad(value, &problem))?;
+                    Ok((known, value))
+                }
+                _ => Err(self.not("a table of strings only", value)),
+            }
+        };
+        table.iter().map(pair).collect()
     }
 
     /// `true` or `false`.

@@ -24,6 +24,9 @@ pub(super) fn layer(env: impl Fn(&str) -> Option<String>) -> Result<Layer, Optio
         peer: list(env, "FIPAD_PEER", value::peer_address)?,
         control: said(env, "FIPAD_CONTROL").map(PathBuf::from),
         json: one(env, "FIPAD_JSON", value::flag)?,
+        hiac: list(env, "FIPAD_HIAC", value::hiac_endpoint)?,
+        hiac_address: one(env, "FIPAD_HIAC_ADDRESS", value::hiac_workgroup)?,
+        hiac_names: None,
         text: list(env, "FIPAD_TEXT", value::text_endpoint)?,
         max_letter: one(env, "FIPAD_MAX_LETTER", value::letter_size_text)?,
     })

@@ -2,6 +2,9 @@ use std::path::PathBuf;
 
 use fipa_directory::Address;
 use fipa_dsd::InterfaceSelector;
+use fipa_gateway::HiacNames;
+use hiac::links::Endpoint as HiacEndpoint;
+use hiac::station::Workgroup;
 use robot_text::links::Endpoint;
 
 use super::{Options, value};
@@ -47,6 +50,16 @@ pub(crate) struct Layer {
     /// Print JSON, one object a line
     #[arg(long, num_args = 0, default_missing_value = "true")]
     pub(crate) json: Option<bool>,
+    /// Where HIAC stations are, repeatable: tcp://HOST:PORT[?listen] or
+    /// serial:///dev/...?baud=115200, with address=A or role=employee behind ? or &
+    #[arg(long, value_name = "URL", value_parser = value::hiac_endpoint)]
+    pub(crate) hiac: Option<Vec<HiacEndpoint>>,
+    /// The own HIAC address, and the mask of the workgroup that the daemon employs
+    #[arg(long, value_name = "ADDRESS/MASK", value_parser = value::hiac_workgroup)]
+    pub(crate) hiac_address: Option<Workgroup>,
+    /// What HIAC devices are called; from the file alone.
+    #[arg(skip)]
+    pub(crate) hiac_names: Option<HiacNames>,
     /// Where agents of the text format are, repeatable: udp://HOST:PORT, tcp://HOST:PORT[?listen]
     /// or serial:///dev/...?baud=115200
     #[arg(long, value_name = "URL", value_parser = value::text_endpoint)]
@@ -71,6 +84,9 @@ impl Layer {
             peer: self.peer.or(weaker.peer),
             control: self.control.or(weaker.control),
             json: self.json.or(weaker.json),
+            hiac: self.hiac.or(weaker.hiac),
+            hiac_address: self.hiac_address.or(weaker.hiac_address),
+            hiac_names: self.hiac_names.or(weaker.hiac_names),
             text: self.text.or(weaker.text),
             max_letter: self.max_letter.or(weaker.max_letter),
         }
@@ -92,6 +108,9 @@ impl Layer {
             peer: self.peer.unwrap_or(default.peer),
             control: control.unwrap_or(default.control),
             json: self.json.unwrap_or(default.json),
+            hiac: self.hiac.unwrap_or(default.hiac),
+            hiac_address: self.hiac_address.or(default.hiac_address),
+            hiac_names: self.hiac_names.unwrap_or(default.hiac_names),
             text: self.text.unwrap_or(default.text),
             max_letter: self.max_letter.unwrap_or(default.max_letter),
         }

@@ -3,6 +3,9 @@
 use fipa::Text;
 use fipa_directory::{Address, ParseAddressError};
 use fipa_dsd::{InterfaceSelector, ParseSelectorError};
+use hiac::links::{Endpoint as HiacEndpoint, EndpointError as HiacEndpointError};
+use hiac::station::Workgroup;
+use hiac::{Address as HiacAddress, AddressError, Mask, MaskError};
 use robot_text::links::{Endpoint, EndpointError};
 
 /// The scope is announced in a TXT string of 255 octets that begins with `scope=`.
@@ -57,6 +60,33 @@ pub(crate) fn interface(text: &str) -> Result<InterfaceSelector, String> {
 pub(crate) fn text_endpoint(text: &str) -> Result<Endpoint, String> {
     text.parse()
         .map_err(|error: EndpointError| error.to_string().replace(char::is_control, "?"))
+}
+
+/// A place of HIAC stations.
+pub(crate) fn hiac_endpoint(text: &str) -> Result<HiacEndpoint, String> {
+    text.parse()
+        .map_err(|error: HiacEndpointError| error.to_string().replace(char::is_control, "?"))
+}
+
+/// The own HIAC address, level 0 under the mask behind it.
+pub(crate) fn hiac_workgroup(text: &str) -> Result<Workgroup, String> {
+    let (address, mask) = text
+        .split_once('/')
+        .ok_or_else(|| format!("{text:?} is not ADDRESS/MASK, such as 20:C4:D2:00/00:00:00:FF"))?;
+    let address = hiac_address(address)?;
+    let mask = Mask::new(hiac_address(mask)?.0).map_err(|error: MaskError| error.to_string())?;
+    match mask.level(address) {
+        0 => Ok(Workgroup { address, mask }),
+        level => Err(format!(
+            "{address} is level {level:X} under {mask}; an employer is level 0"
+        )),
+    }
+}
+
+/// A HIAC address.
+pub(crate) fn hiac_address(text: &str) -> Result<HiacAddress, String> {
+    text.parse()
+        .map_err(|error: AddressError| format!("{text:?}: {error}"))
 }
 
 /// Yes or no, where it is not a matter of being there.

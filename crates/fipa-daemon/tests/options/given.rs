@@ -28,7 +28,7 @@ impl Given<'_> {
 
     pub(crate) fn options(&self) -> Options {
         match self.parse() {
-            Ok(Invocation::Run(options)) => options,
+            Ok(Invocation::Run(options)) => *options,
             other => panic!("{other:?}"),
         }
     }

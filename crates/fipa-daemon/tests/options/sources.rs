@@ -1,4 +1,7 @@
 use fipa_daemon::options::{DEFAULT_CONFIG, Options};
+use fipa_gateway::HiacNames;
+use hiac::Mask;
+use hiac::station::Workgroup;
 use tempfile::TempDir;
 
 use crate::given::{Given, env, file, line, write};
@@ -59,6 +62,17 @@ fn every_option_can_be_given_in_every_source() {
         peer: vec!["tcp://[::1]:1".parse().unwrap(), "b:2".parse().unwrap()],
         control: "/run/x.sock".into(),
         json: true,
+        hiac: vec![
+            "tcp://127.0.0.1:0?listen".parse().unwrap(),
+            "serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05"
+                .parse()
+                .unwrap(),
+        ],
+        hiac_address: Some(Workgroup {
+            address: "20:C4:D2:00".parse().unwrap(),
+            mask: Mask::new(0xFF).unwrap(),
+        }),
+        hiac_names: HiacNames::default(),
         text: vec![
             "udp://127.0.0.1:5000".parse().unwrap(),
             "serial:///dev/ttyUSB0?baud=9600".parse().unwrap(),
@@ -68,7 +82,10 @@ fn every_option_can_be_given_in_every_source() {
     let words = "--name robot1 --listen tcp://0.0.0.0:4100 --listen unix:///a \
                  --advertise tcp://robot1:4100 --scope plant --interface wlan0 \
                  --interface 10.0.0.0/8 --no-mdns --mdns-agents 20 --mdns-port 5454 \
-                 --peer [::1]:1 --peer b:2 --control /run/x.sock --json --text udp://127.0.0.1:5000 \
+                 --peer [::1]:1 --peer b:2 \
+                 --control /run/x.sock --json --hiac tcp://127.0.0.1:0?listen \
+                 --hiac serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05 \
+                 --hiac-address 20:C4:D2:00/00:00:00:FF --text udp://127.0.0.1:5000 \
                  --text serial:///dev/ttyUSB0?baud=9600 --max-letter 1000";
     let words: Vec<&str> = words.split_whitespace().collect();
     assert_eq!(line(&words).options(), wanted);
@@ -84,6 +101,8 @@ fn every_option_can_be_given_in_every_source() {
         peer = ["[::1]:1", "tcp://b:2"]
         control = "/run/x.sock"
         json = true
+        hiac = ["tcp://127.0.0.1:0?listen", "serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05"]
+        hiac-address = "20:C4:D2:00/00:00:00:FF"
         text = ["udp://127.0.0.1:5000", "serial:///dev/ttyUSB0?baud=9600"]
         max-letter = 1_000
     "#;
@@ -100,6 +119,11 @@ fn every_option_can_be_given_in_every_source() {
         ("FIPAD_PEER", " [::1]:1 ,\n b:2,"),
         ("FIPAD_CONTROL", "/run/x.sock"),
         ("FIPAD_JSON", "true"),
+        (
+            "FIPAD_HIAC",
+            "tcp://127.0.0.1:0?listen serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05",
+        ),
+        ("FIPAD_HIAC_ADDRESS", "20:C4:D2:00/00:00:00:FF"),
         (
             "FIPAD_TEXT",
             "udp://127.0.0.1:5000,serial:///dev/ttyUSB0?baud=9600",
@@ -156,7 +180,7 @@ fn the_default_file_is_the_defaults() {
     let keys: Vec<&str> = keys
         .filter(|line| line.starts_with(char::is_alphabetic))
         .collect();
-    assert_eq!(keys.len(), 13);
+    assert_eq!(keys.len(), 15);
     let text = keys.join("\n");
     let given = Given {
         file: Some(&text),
@@ -165,4 +189,48 @@ fn the_default_file_is_the_defaults() {
     };
     assert_eq!(given.options(), Options::default());
     assert_eq!(file(DEFAULT_CONFIG).options(), Options::default());
+}
+
+#[test]
+fn tables_of_the_file_name_hiac_devices_and_the_agents_that_they_know() {
+    let text = r#"
+        hiac = "tcp://127.0.0.1:0?listen"
+        hiac-address = "20:C4:D2:00/00:00:00:FF"
+        [hiac-devices]
+        "20:C4:D2:05" = "drive"
+        [hiac-aliases]
+        "20:C4:D2:20" = "operator@station"
+    "#;
+    let names = file(text).options().hiac_names;
+    let device = "20:C4:D2:05".parse().unwrap();
+    let alias = "20:C4:D2:20".parse().unwrap();
+    assert_eq!(names.devices[&device], "drive");
+    assert_eq!(names.aliases[&alias].as_str(), "operator@station");
+}
+
+#[test]
+fn hiac_stations_need_an_address_that_employs_and_employees_of_its_workgroup() {
+    let group = "20:C4:D2:00/00:00:00:FF";
+    for (words, said) in [
+        (&["--hiac", "tcp://a:1"][..], "needs --hiac-address"),
+        (&["--hiac-address", "20:C4:D2:05/00:00:00:FF"], "level 5"),
+        (&["--hiac-address", "20:C4:D2:00/00:00:00:F1"], "no mask"),
+        (
+            &["--hiac", "udp://a:1", "--hiac-address", group],
+            "no place",
+        ),
+        (
+            &[
+                "--hiac",
+                "tcp://a:1?address=20:C4:D3:05",
+                "--hiac-address",
+                group,
+            ],
+            "no address of the workgroup",
+        ),
+    ] {
+        let (code, message) = line(words).error();
+        assert_eq!(code, 2);
+        assert!(message.contains(said), "{message}");
+    }
 }

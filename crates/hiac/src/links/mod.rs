@@ -1,0 +1,368 @@
+//! A station on TCP streams and serial lines, on tokio.
+//!
+//! **Knows** how octets come in and go out, and what time it is. **Never knows** what a packet is
+//! for: the [`Station`] says what is written where, and which streams are opened and closed.
+
+mod endpoint;
+
+use std::collections::HashMap;
+use std::io;
+use std::string::{String, ToString};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+use std::vec::Vec;
+
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{mpsc, oneshot};
+use tokio::task::JoinSet;
+use tokio_serial::SerialPortBuilderExt;
+
+pub use self::endpoint::{Endpoint, EndpointError, Place};
+use crate::Station;
+use crate::station::{Event, LinkConfig, LinkId, Role, StationConfig};
+
+/// How long a stream that could not be opened is left alone.
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// How long a stream for a station that passes over is tried.
+const TRANSFER: Duration = Duration::from_secs(10);
+
+/// Events that wait to be taken; then nothing more is read.
+const EVENTS: usize = 64;
+
+/// What happens at a [`Node`].
+#[derive(Debug)]
+pub enum NodeEvent {
+    /// The station has something to tell.
+    Station(Event),
+    /// A stream is open.
+    Opened(LinkId),
+    /// A stream has ended.
+    Closed(LinkId, String),
+    /// A stream could not be opened; it is tried again.
+    Failed(Endpoint, String),
+}
+
+/// A station with its streams. They end when this is dropped.
+#[derive(Debug)]
+pub struct Node {
+    station: Station,
+    shared: Arc<Shared>,
+    receiver: mpsc::Receiver<LinkEvent>,
+    streams: HashMap<LinkId, Stream>,
+    tasks: JoinSet<()>,
+    began: Instant,
+}
+
+#[derive(Debug)]
+struct Stream {
+    writer: mpsc::Sender<Vec<u8>>,
+    /// It ends once nothing is left to write.
+    closing: bool,
+    /// It ends when this goes, also in the middle of writing.
+    _stop: oneshot::Sender<()>,
+    /// It is worth dialling again.
+    lasting: Arc<AtomicBool>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    events: mpsc::Sender<LinkEvent>,
+    last_link: AtomicU64,
+}
+
+#[derive(Debug)]
+enum LinkEvent {
+    Opened(LinkId, LinkConfig, Stream),
+    Received(LinkId, Vec<u8>),
+    Written(LinkId),
+    Closed(LinkId, String),
+    Failed(Endpoint, String),
+}
+
+impl Node {
+    /// A station without streams.
+    pub fn new(config: StationConfig) -> Node {
+        let (events, receiver) = mpsc::channel(EVENTS);
+        Node {
+            station: Station::new(config),
+            shared: Arc::new(Shared {
+                events,
+                last_link: AtomicU64::new(0),
+            }),
+            receiver,
+            streams: HashMap::new(),
+            tasks: JoinSet::new(),
+            began: Instant::now(),
+        }
+    }
+
+    /// Opens an endpoint, and for one that listens says where it is bound.
+    ///
+    /// # Errors
+    /// What the system says to a listener. Streams are tried for ever: see [`NodeEvent::Failed`].
+    pub async fn open(&mut self, endpoint: &Endpoint) -> io::Result<Option<Endpoint>> {
+        let shared = Arc::clone(&self.shared);
+        let Place::TcpListen(place) = &endpoint.place else {
+            self.tasks.spawn(shared.dial(endpoint.clone(), None));
+            return Ok(None);
+        };
+        let listener = TcpListener::bind(place).await?;
+        let bound = Endpoint {
+            place: Place::TcpListen(listener.local_addr()?.to_string()),
+            ..endpoint.clone()
+        };
+        self.tasks.spawn(shared.callers(listener, endpoint.link()));
+        Ok(Some(bound))
+    }
+
+    /// The time of the station: since this was made.
+    pub fn now(&self) -> Duration {
+        self.began.elapsed()
+    }
+
+    /// The station, to look at it and to send; then [`next`](Self::next) does what it wants.
+    pub fn station(&mut self) -> &mut Station {
+        &mut self.station
+    }
+
+    /// Works until something happens. Cancel-safe.
+    pub async fn next(&mut self) -> NodeEvent {
+        loop {
+            self.write();
+            if let Some(event) = self.station.poll_event() {
+                self.obey(&event);
+                return NodeEvent::Station(event);
+            }
+            self.close();
+            let wake = self.station.poll_timeout().map(|at| self.began + at);
+            let timeout = async {
+                match wake {
+                    Some(wake) => tokio::time::sleep_until(wake.into()).await,
+                    None => std::future::pending().await,
+                }
+            };
+            tokio::select! {
+                // A sender is kept here, so the channel never ends.
+                Some(event) = self.receiver.recv() => {
+                    if let Some(event) = self.link_event(event) {
+                        return event;
+                    }
+                }
+                () = timeout => {
+                    let now = self.now();
+                    self.station.handle_timeout(now);
+                }
+            }
+        }
+    }
+
+    /// Writes until nothing is left to write to any stream, for so long at most.
+    pub async fn drain(&mut self, patience: Duration) {
+        let drained = async {
+            while !self.streams.keys().all(|id| self.station.is_idle(*id)) {
+                self.next().await;
+            }
+        };
+        // Whoever does not read has had its time.
+        let _ = tokio::time::timeout(patience, drained).await;
+    }
+
+    fn write(&mut self) {
+        for (id, stream) in &self.streams {
+            if let Some(octets) = self.station.poll_transmit(*id) {
+                // There is room: the last was written, or the stream is ending.
+                let _ = stream.writer.try_send(octets);
+            }
+        }
+    }
+
+    fn close(&mut self) {
+        let station = &self.station;
+        self.streams
+            .retain(|id, stream| !(stream.closing && station.is_idle(*id)));
+        // Those that have ended are not kept.
+        while self.tasks.try_join_next().is_some() {}
+    }
+
+    /// What the station wants done with streams.
+    fn obey(&mut self, event: &Event) {
+        match event {
+            Event::Close(id) => {
+                if let Some(stream) = self.streams.get_mut(id) {
+                    stream.closing = true;
+                }
+            }
+            Event::Connected { link, .. } => {
+                if let Some(stream) = self.streams.get(link) {
+                    stream.lasting.store(true, Ordering::Relaxed);
+                }
+            }
+            Event::Expect { place, .. } => self.pass_over(place.as_deref(), Role::Employer),
+            Event::PassOver { place, .. } => self.pass_over(place.as_deref(), Role::Employee),
+            _ => {}
+        }
+    }
+
+    fn pass_over(&mut self, place: Option<&str>, role: Role) {
+        let endpoint = place.and_then(|place| place.parse::<Endpoint>().ok());
+        let dialled = |endpoint: &Endpoint| matches!(endpoint.place, Place::TcpDial(_));
+        if let Some(endpoint) = endpoint.filter(dialled) {
+            let endpoint = Endpoint { role, ..endpoint };
+            let until = Some(Instant::now() + TRANSFER);
+            self.tasks
+                .spawn(Arc::clone(&self.shared).dial(endpoint, until));
+        }
+    }
+
+    fn link_event(&mut self, event: LinkEvent) -> Option<NodeEvent> {
+        let now = self.now();
+        match event {
+            LinkEvent::Opened(id, config, stream) => {
+                self.streams.insert(id, stream);
+                self.station.add_link(now, id, config);
+                Some(NodeEvent::Opened(id))
+            }
+            LinkEvent::Received(id, octets) => {
+                self.station.received(now, id, &octets);
+                None
+            }
+            LinkEvent::Written(id) => {
+                self.station.transmitted(now, id);
+                None
+            }
+            LinkEvent::Closed(id, reason) => {
+                self.streams.remove(&id);
+                self.station.remove_link(now, id);
+                Some(NodeEvent::Closed(id, reason))
+            }
+            LinkEvent::Failed(endpoint, reason) => Some(NodeEvent::Failed(endpoint, reason)),
+        }
+    }
+}
+
+impl Shared {
+    async fn tell(&self, event: LinkEvent) {
+        // Nobody listens any more: the node is about to end.
+        let _ = self.events.send(event).await;
+    }
+
+    async fn callers(self: Arc<Self>, listener: TcpListener, config: LinkConfig) {
+        let mut streams = JoinSet::new();
+        loop {
+            match listener.accept().await {
+                Ok((stream, _)) => {
+                    let (shared, config) = (Arc::clone(&self), config.clone());
+                    let lasting = Arc::default();
+                    streams.spawn(async move { shared.tcp(stream, config, lasting).await });
+                }
+                // Out of file descriptors: it does not get better by trying at once.
+                Err(_) => tokio::time::sleep(PAUSE).await,
+            }
+            while streams.try_join_next().is_some() {}
+        }
+    }
+
+    /// Opens a stream, and again when it ends; `until` then, unless there was a connection.
+    async fn dial(self: Arc<Self>, endpoint: Endpoint, until: Option<Instant>) {
+        let lasting = Arc::new(AtomicBool::new(until.is_none()));
+        let goes_on = || {
+            let tried = until.is_some_and(|until| Instant::now() >= until);
+            lasting.load(Ordering::Relaxed) || !tried
+        };
+        while goes_on() {
+            let config = endpoint.link();
+            let opened = match &endpoint.place {
+                Place::Serial { path, baud } => {
+                    let path = path.to_string_lossy();
+                    match tokio_serial::new(path, *baud).open_native_async() {
+                        Ok(line) => {
+                            self.serve(line, config, Arc::clone(&lasting)).await;
+                            Ok(())
+                        }
+                        Err(error) => Err(error.to_string()),
+                    }
+                }
+                Place::TcpDial(place) => match TcpStream::connect(place).await {
+                    Ok(stream) => {
+                        self.tcp(stream, config, Arc::clone(&lasting)).await;
+                        Ok(())
+                    }
+                    Err(error) => Err(error.to_string()),
+                },
+                Place::TcpListen(_) => return,
+            };
+            if let Err(error) = opened {
+                self.tell(LinkEvent::Failed(endpoint.clone(), error)).await;
+            }
+            tokio::time::sleep(PAUSE).await;
+        }
+    }
+
+    async fn tcp(&self, stream: TcpStream, config: LinkConfig, lasting: Arc<AtomicBool>) {
+        // Small packets that wait for their confirmations. A stream that refuses works all the same.
+        let _ = stream.set_nodelay(true);
+        self.serve(stream, config, lasting).await;
+    }
+
+    /// Reads and writes a stream until it ends.
+    async fn serve(
+        &self,
+        stream: impl AsyncRead + AsyncWrite + Unpin,
+        config: LinkConfig,
+        lasting: Arc<AtomicBool>,
+    ) {
+        let id = LinkId(self.last_link.fetch_add(1, Ordering::Relaxed) + 1);
+        let (writer, to_write) = mpsc::channel(1);
+        let (stop, stopped) = oneshot::channel();
+        let handle = Stream {
+            writer,
+            closing: false,
+            _stop: stop,
+            lasting,
+        };
+        self.tell(LinkEvent::Opened(id, config, handle)).await;
+        let (reading, writing) = tokio::io::split(stream);
+        let reason = tokio::select! {
+            error = self.read(id, reading) => error.to_string(),
+            reason = self.write(id, writing, to_write) => reason,
+            _ = stopped => "it was closed here".to_string(),
+        };
+        self.tell(LinkEvent::Closed(id, reason)).await;
+    }
+
+    async fn read(&self, id: LinkId, mut stream: impl AsyncRead + Unpin) -> io::Error {
+        let mut octets = [0; 4096];
+        loop {
+            match stream.read(&mut octets).await {
+                Ok(0) => return io::ErrorKind::UnexpectedEof.into(),
+                Ok(count) => {
+                    let octets = octets[..count].to_vec();
+                    self.tell(LinkEvent::Received(id, octets)).await;
+                }
+                Err(error) => return error,
+            }
+        }
+    }
+
+    async fn write(
+        &self,
+        id: LinkId,
+        mut stream: impl AsyncWrite + Unpin,
+        mut to_write: mpsc::Receiver<Vec<u8>>,
+    ) -> String {
+        while let Some(octets) = to_write.recv().await {
+            let written = async {
+                stream.write_all(&octets).await?;
+                stream.flush().await
+            };
+            if let Err(error) = written.await {
+                return error.to_string();
+            }
+            self.tell(LinkEvent::Written(id)).await;
+        }
+        "it was closed here".to_string()
+    }
+}

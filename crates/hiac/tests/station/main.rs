@@ -1,0 +1,8 @@
+//! Stations on simulated lines, with a simulated clock.
+
+mod connection;
+mod examples;
+mod hierarchy;
+mod net;
+mod numbers;
+mod services;
