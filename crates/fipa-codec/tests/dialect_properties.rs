@@ -230,3 +230,26 @@ fn every_peer_has_forms_that_it_reads() {
         assert_eq!(dialect.envelope_representation(), envelopes);
     }
 }
+
+#[test]
+fn a_behaviour_full_of_markup_is_read_as_it_was_where_all_is_ascii() {
+    let envelope = Envelope::new(Slots {
+        acl_representation: Some(Representation::String),
+        date: Some(FipaTime::from_unix_millis(0)),
+        transport_behaviour: Some(Bytes::from("<a>&<b>&<c> grüß\n")),
+        ..Slots::default()
+    });
+    for dialect in DIALECTS
+        .into_iter()
+        .filter(|dialect| *dialect != Dialect::Cpp)
+    {
+        let letter = Letter {
+            envelope: envelope.clone(),
+            payload: Bytes::new(),
+        };
+        let octets = letter_octets(dialect, EnvelopeRepresentation::Xml, &letter);
+        let read = decode_letter(&octets, &Limits::default()).unwrap();
+        let behaviour = read.envelope.base.transport_behaviour;
+        assert_eq!(behaviour, envelope.base.transport_behaviour, "{dialect:?}");
+    }
+}

@@ -2,7 +2,7 @@ use fipa_acl::{Envelope, FipaTime, Received, Representation, Slots, Text};
 
 use super::agents_writer::{Notation, write_agent, write_agents, write_attribute, write_user_text};
 use super::options::{Layers, WriteOptions};
-use super::writer::{element, is_text, write_content};
+use super::writer::{Place, element, is_text, write_content, write_escaped};
 use crate::decimal::Decimal;
 use crate::{EncodeError, Output, dates};
 
@@ -128,7 +128,12 @@ fn write_behaviour(
         });
     }
     out.put_slice(b"<transport-behaviour>");
-    write_content(octets, out);
+    if options.plain_envelopes {
+        // What is not plain becomes references, which a section would not have.
+        write_escaped(octets, Place::Text, out);
+    } else {
+        write_content(octets, out);
+    }
     out.put_slice(b"</transport-behaviour>");
     Ok(())
 }

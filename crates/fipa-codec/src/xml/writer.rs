@@ -112,9 +112,7 @@ pub(super) fn write_content(octets: &Bytes, out: &mut Output) {
     } else if memchr3(b'&', b'<', b'>', octets).is_none() {
         out.put_shared(octets);
     } else if section_pays(octets) {
-        out.put_slice(SECTION);
-        out.put_shared(octets);
-        out.put_slice(END_OF_SECTION);
+        write_section(octets, out);
     } else {
         write_escaped(octets, Place::Text, out);
     }
@@ -124,7 +122,7 @@ pub(super) fn write_content(octets: &Bytes, out: &mut Output) {
 pub(super) fn write_section(octets: &Bytes, out: &mut Output) {
     out.put_slice(SECTION);
     out.put_shared(octets);
-    out.put_slice(b"]]>");
+    out.put_slice(END_OF_SECTION);
 }
 
 /// Writes a document that is UTF-8 as ASCII without line ends: with references, which can stand
@@ -206,7 +204,7 @@ fn has_noncharacter(octets: &[u8]) -> bool {
     })
 }
 
-fn write_escaped(octets: &[u8], place: Place, out: &mut Output) {
+pub(super) fn write_escaped(octets: &[u8], place: Place, out: &mut Output) {
     let mut rest = octets;
     let has_return = place == Place::Text && memchr(b'\r', octets).is_some();
     while let Some((len, reference)) = next_escape(rest, place, has_return) {
