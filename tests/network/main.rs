@@ -7,6 +7,7 @@ mod cpp;
 mod doctor;
 mod ending;
 mod hiac;
+mod hostile;
 mod joining;
 mod losing;
 mod names;

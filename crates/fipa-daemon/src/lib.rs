@@ -21,6 +21,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use fipa::Error;
+use rustix::process::{Resource, Rlimit};
 use tracing_subscriber::EnvFilter;
 
 use crate::options::{Invocation, Options};
@@ -40,6 +41,7 @@ pub fn main() -> ExitCode {
 
 fn daemon(options: &Options) -> ExitCode {
     log("warn,fipa=info");
+    raise_open_files();
     match block_on(run::run(options)) {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(RunError::Platform(error @ (Error::Name(_) | Error::Address(_))))) => {
@@ -65,6 +67,19 @@ fn demo() -> ExitCode {
 fn block_on<T>(future: impl Future<Output = T>) -> std::io::Result<T> {
     let mut runtime = tokio::runtime::Builder::new_current_thread();
     Ok(runtime.enable_all().build()?.block_on(future))
+}
+
+/// Lets the daemon have as many connections as the system allows; by default programs may open 1024
+/// files, so that those that cannot deal with more go on.
+fn raise_open_files() {
+    let limit = rustix::process::getrlimit(Resource::Nofile);
+    let raised = Rlimit {
+        current: limit.maximum,
+        ..limit
+    };
+    if let Err(error) = rustix::process::setrlimit(Resource::Nofile, raised) {
+        tracing::warn!("cannot raise the limit of open files: {error}");
+    }
 }
 
 /// The log goes to standard error; `FIPA_LOG` chooses what is in it.

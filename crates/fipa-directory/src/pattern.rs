@@ -7,7 +7,10 @@ use crate::Record;
 #[derive(Clone, Debug)]
 pub struct Pattern(Regex);
 
-/// The text is no regular expression, or its compiled form is too large.
+/// Octets of the longest pattern.
+const MAX_PATTERN: usize = 4096;
+
+/// The text is no regular expression, is too long, or its compiled form is too large.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct PatternError(String);
@@ -39,6 +42,10 @@ impl Pattern {
                 .build()
                 .map_err(|error| PatternError(describe(text, &error)))
         };
+        if text.len() > MAX_PATTERN {
+            let reason = format!("a pattern has {MAX_PATTERN} octets at most");
+            return Err(PatternError(reason));
+        }
         // It must be a whole by itself: `a)|(b` would break out of the anchors.
         compile(text)?;
         compile(&format!("^(?:{text})$")).map(Pattern)

@@ -29,6 +29,10 @@ pub struct Config {
     pub mailbox_letters: usize,
     /// Octets that wait for one peer or in one mailbox at most.
     pub queue_octets: usize,
+    /// Connections that others may have open with us, programs of this host aside.
+    pub max_connections: usize,
+    /// Those of one address among them.
+    pub max_connections_an_address: usize,
     /// Seed of the jitter.
     pub seed: u64,
 }
@@ -51,7 +55,9 @@ impl Config {
             longest_wait: Duration::from_secs(600),
             grace: Duration::from_secs(2),
             mailbox_letters: 10_000,
-            queue_octets: 512 << 20,
+            queue_octets: 64 << 20,
+            max_connections: 4096,
+            max_connections_an_address: 1024,
             seed,
         }
     }
@@ -91,7 +97,7 @@ impl ProgramConfig {
             max_letter: 256 << 20,
             limits: Limits::default(),
             mailbox_letters: 10_000,
-            queue_octets: 512 << 20,
+            queue_octets: 64 << 20,
             watch: true,
         }
     }

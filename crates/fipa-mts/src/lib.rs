@@ -23,17 +23,21 @@
 //! attaches agents to a daemon.
 
 mod config;
+mod failure;
 mod machine;
 mod mailbox;
 mod mts;
 mod pieces;
 mod program;
+mod urgency;
 
 pub use config::{Config, ProgramConfig};
+pub use failure::DeliveryFailure;
 pub use machine::{
     Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, RegisterError,
-    Registration, Submission,
+    Registration, Submission, is_full,
 };
 pub use mailbox::{Mailbox, MailboxFull};
 pub use mts::Mts;
 pub use program::Program;
+pub use urgency::Urgency;

@@ -4,7 +4,7 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
 use fipa_directory::{Address, Change, Directory, InstanceId, MESSAGE_TRANSPORT, Now};
-use fipa_link::{Facts, ReceiverOutcome};
+use fipa_link::{Facts, Outcome, ReceiverOutcome};
 
 /// A connection, numbered by whoever opens the sockets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -90,10 +90,13 @@ pub struct Submission {
     /// of a receiver that has several these are tried first and in this order, the others after
     /// them in the receiver's.
     pub transports: Vec<Text>,
+    /// Whether a queue that is full is waited for, until the timeout. Otherwise the letter is
+    /// refused at once. What a program submits to its daemon always waits there.
+    pub patient: bool,
 }
 
 impl Submission {
-    /// A letter without `reply-by` and preference.
+    /// A letter without `reply-by` and preference, which is not waited for.
     pub fn new(ticket: u64, letter: Letter, timeout: Duration) -> Submission {
         Submission {
             ticket,
@@ -101,6 +104,7 @@ impl Submission {
             timeout,
             reply_by: None,
             transports: Vec::new(),
+            patient: false,
         }
     }
 
@@ -113,6 +117,19 @@ impl Submission {
 
 /// Why a letter is not sent whose `reply-by` has passed.
 pub(crate) const REPLY_BY: &str = "reply-by has passed";
+
+/// Whether an outcome says that a queue or mailbox was full: later there may be room.
+pub fn is_full(told: &ReceiverOutcome) -> bool {
+    was_full(told.outcome, &told.reason)
+}
+
+/// Whether a letter was refused because a queue or mailbox was full: later there may be room.
+pub(crate) fn was_full(outcome: Outcome, reason: &str) -> bool {
+    outcome == Outcome::Refused && reason.ends_with(FULL)
+}
+
+/// What the reason ends with where a queue is full.
+const FULL: &str = " is full";
 
 /// Why an agent was not registered.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -304,7 +321,7 @@ pub trait Machine {
     /// The stream ended; what had arrived was handed over before.
     fn closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>);
     /// The next octets to write to a connection.
-    fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes>;
+    fn poll_transmit(&mut self, now: Now, conn: ConnId) -> Option<Bytes>;
     /// When [`handle_timeout`](Self::handle_timeout) wants to be called, on [`Now::mono`].
     fn poll_timeout(&self) -> Option<Duration>;
     /// The time has come.

@@ -16,6 +16,7 @@ use crate::machine::{
     ConnId, Connected, DialId, Ended, Machine, Notice, Output, REPLY_BY, RegisterError,
     Registration, Submission,
 };
+use crate::mailbox::{Lately, TIDY};
 use crate::mts::record_of;
 use crate::pieces::{joined, read_envelope};
 use crate::{Mailbox, ProgramConfig};
@@ -59,6 +60,9 @@ pub struct Program {
     lost_since: Option<Duration>,
     given_up: bool,
     link_timer: Option<Duration>,
+    /// Agents in whose mailboxes letters came lately, and when these are tidied.
+    lately: Lately,
+    tidy_at: Option<Duration>,
     outputs: VecDeque<Output>,
     next_id: u64,
 }
@@ -102,6 +106,8 @@ impl Program {
             lost_since: Some(now.mono),
             given_up: false,
             link_timer: None,
+            lately: Lately::default(),
+            tidy_at: None,
             outputs: VecDeque::new(),
             next_id: 0,
             config,
@@ -227,7 +233,7 @@ impl Program {
                     envelope,
                     payload: joined(&parts, payload),
                 };
-                self.put_into_mailboxes(letter)
+                self.put_into_mailboxes(now, letter)
             }
             Err(error) => {
                 let reason = format!("the envelope cannot be read: {error}");
@@ -237,7 +243,7 @@ impl Program {
         self.send(now, Frame::Receipt { id, outcomes });
     }
 
-    fn put_into_mailboxes(&mut self, letter: Letter) -> Vec<ReceiverOutcome> {
+    fn put_into_mailboxes(&mut self, now: Now, letter: Letter) -> Vec<ReceiverOutcome> {
         let mut outcomes = Vec::new();
         for receiver in letter.envelope.intended_receiver() {
             let name = &receiver.name;
@@ -246,6 +252,9 @@ impl Program {
                 Some(agent) => match agent.mailbox.push(letter.clone()) {
                     Ok(()) => {
                         self.outputs.push_back(Output::Mail(name.clone()));
+                        if self.lately.note(name) {
+                            self.tidy_at = Some(now.mono + TIDY);
+                        }
                         outcome(name, Outcome::Delivered, "")
                     }
                     Err(full) => outcome(name, Outcome::Refused, &full.to_string()),
@@ -501,7 +510,7 @@ impl Machine for Program {
         }
     }
 
-    fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes> {
+    fn poll_transmit(&mut self, _now: Now, conn: ConnId) -> Option<Bytes> {
         let (open, link) = self.conn.as_mut()?;
         let part = (*open == conn).then(|| link.poll_transmit())?;
         if part.is_none() {
@@ -513,10 +522,16 @@ impl Machine for Program {
     fn poll_timeout(&self) -> Option<Duration> {
         let deadline = self.deadlines.first().map(|(at, _)| *at);
         let directory = self.directory.poll_timeout();
-        [deadline, self.redial, self.link_timer, directory]
-            .into_iter()
-            .flatten()
-            .min()
+        [
+            deadline,
+            self.redial,
+            self.link_timer,
+            self.tidy_at,
+            directory,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
     }
 
     fn handle_timeout(&mut self, now: Now) {
@@ -535,6 +550,14 @@ impl Machine for Program {
             self.waiting.retain(|waiting| *waiting != id);
             self.deadlines.remove(&(at, id));
             self.on_receipt(id, vec![outcome("", told, reason)]);
+        }
+        if self.tidy_at.is_some_and(|at| at <= now.mono) {
+            self.tidy_at = None;
+            for name in self.lately.take() {
+                if let Some(agent) = self.agents.get_mut(&name) {
+                    agent.mailbox.detach();
+                }
+            }
         }
         if self.redial.is_some_and(|at| at <= now.mono) {
             self.redial = None;

@@ -344,7 +344,7 @@ fn nothing_is_written_to_a_caller_before_it_speaks_our_link() {
     mts.connected(now, connected.clone());
     let mut octets = BytesMut::from(&letter(&["b"], None, "hi")[..]);
     mts.received(now, CONN, &mut octets);
-    assert!(mts.poll_output().is_none() && mts.poll_transmit(CONN).is_none());
+    assert!(mts.poll_output().is_none() && mts.poll_transmit(now, CONN).is_none());
     let ended = Ended {
         reason: "",
         orderly: true,
@@ -356,10 +356,10 @@ fn nothing_is_written_to_a_caller_before_it_speaks_our_link() {
 
     // Who does is greeted at its first octet.
     mts.connected(now, connected);
-    assert!(mts.poll_output().is_none() && mts.poll_transmit(CONN).is_none());
+    assert!(mts.poll_output().is_none() && mts.poll_transmit(now, CONN).is_none());
     mts.received(now, CONN, &mut BytesMut::from(&fipa_link::PREAMBLE[..1]));
     assert!(matches!(mts.poll_output(), Some(Output::Transmit(CONN))));
-    let greeting = mts.poll_transmit(CONN).unwrap();
+    let greeting = mts.poll_transmit(now, CONN).unwrap();
     assert!(greeting.starts_with(&fipa_link::PREAMBLE), "{greeting:?}");
 }
 

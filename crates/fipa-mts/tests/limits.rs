@@ -103,7 +103,8 @@ fn what_waits_for_a_peer_is_bounded() {
         .map(|_| sim.send(one, "a", &["b"], &"x".repeat(1000)))
         .collect();
     let refused = tickets.iter().filter(|t| sim.told(one, **t).is_some());
-    assert_eq!(refused.count(), 11);
+    // Who sends them all leaves room for others.
+    assert_eq!(refused.count(), 15);
     sim.run_for(secs(3));
     for ticket in tickets {
         assert!(!outcome(&sim, one, ticket).is_success());

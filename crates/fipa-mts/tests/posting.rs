@@ -301,7 +301,7 @@ fn after_the_last_octet(ended: Ended<'_>) -> (Outcome, String, bool) {
                 mts.connected(now, connected);
             }
             Output::Finish(conn) if !std::mem::replace(&mut done, true) => {
-                while mts.poll_transmit(conn).is_some() {}
+                while mts.poll_transmit(now, conn).is_some() {}
                 mts.closed(now, conn, ended);
             }
             Output::Outcome { outcomes, .. } => told = outcomes.into_iter().next(),

@@ -88,6 +88,8 @@ pub(crate) struct Node {
     /// When it will be woken next.
     pub(crate) wake: Option<Duration>,
     pub(crate) closing: bool,
+    /// What its machine wants done is being done.
+    pub(crate) settling: bool,
     /// Whether mail is taken out as soon as it comes.
     pub(crate) reading: bool,
     /// Tickets of the letters that this run has submitted.
@@ -111,6 +113,7 @@ impl Node {
             held: VecDeque::new(),
             wake: None,
             closing: false,
+            settling: false,
             reading: true,
             submitted: Vec::new(),
             collected: Collected::default(),

@@ -101,7 +101,7 @@ impl Machine for Robot {
         }
     }
 
-    fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes> {
+    fn poll_transmit(&mut self, _now: Now, conn: ConnId) -> Option<Bytes> {
         self.writing.get_mut(&conn)?.pop_front()
     }
 

@@ -185,12 +185,16 @@ impl Sim {
 
     /// Does what a machine wants done, and plans when it is woken.
     pub(crate) fn settle(&mut self, node: NodeId) {
+        if std::mem::replace(&mut self.nodes[node.0].settling, true) {
+            return;
+        }
         while let Some(output) = self.nodes[node.0]
             .machine_mut()
             .and_then(Machine::poll_output)
         {
             self.act(node, output);
         }
+        self.nodes[node.0].settling = false;
         let now = self.now.mono;
         let settled = &mut self.nodes[node.0];
         let next = settled.machine().and_then(Machine::poll_timeout);

@@ -19,7 +19,8 @@ impl Sim {
         let Some((stream, side)) = self.nodes[node.0].conns.get(&conn).copied() else {
             return;
         };
-        let now = self.now.mono;
+        let clock = self.now;
+        let now = clock.mono;
         let mut arrivals = Vec::new();
         let mut into_nothing = false;
         while let Some(open) = self.streams.get_mut(&stream) {
@@ -43,7 +44,7 @@ impl Sim {
             }
             let machine = self.nodes[node.0].machine_mut();
             let part = from.outbox.pop_front();
-            let Some(mut part) = part.or_else(|| machine?.poll_transmit(conn)) else {
+            let Some(mut part) = part.or_else(|| machine?.poll_transmit(clock, conn)) else {
                 from.all_written = true;
                 break;
             };
@@ -81,6 +82,8 @@ impl Sim {
             self.end_side(stream, side, Some(Item::Closed));
             self.closed_here(node, conn, true, true);
         }
+        // What waited for room on the connection may have been refused.
+        self.settle(node);
     }
 
     /// A host whose process is gone says so to whoever writes; one without power says nothing.

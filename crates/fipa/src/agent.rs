@@ -6,10 +6,12 @@ use std::time::Duration;
 use fipa_acl::{Expression, Letter, Message, Representation, Text};
 use fipa_codec::{Limits, decode_payload};
 use fipa_link::ReceiverOutcome;
+use fipa_mts::{DeliveryFailure, Urgency};
 use tokio::sync::{Notify, oneshot};
 
 use crate::platform::Inner;
-use crate::{ReceiveError, RequestError, sending};
+use crate::room::Room;
+use crate::{ReceiveError, RequestError, Sending, TrySendError, sending};
 
 /// How long the outcome of a letter is waited for unless another time is given.
 pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
@@ -24,13 +26,19 @@ pub struct Agent {
     name: Text,
     mail: Arc<Notify>,
     inbox: Mutex<Inbox>,
+    room: Room,
     conversations: AtomicU64,
     registered: AtomicBool,
 }
 
+/// Letters that are looked through for an answer and kept for `receive`, at most. The others wait in
+/// the mailbox.
+const LOOKED_THROUGH: usize = 1000;
+
 #[derive(Default)]
 struct Inbox {
-    messages: VecDeque<Incoming>,
+    /// By urgency.
+    messages: [VecDeque<Incoming>; Urgency::COUNT],
     expected: Vec<Expected>,
 }
 
@@ -57,11 +65,30 @@ impl Inbox {
             (Some(at), Ok(message)) => {
                 let expected = self.expected.swap_remove(at);
                 if let Err(message) = expected.answer.send(message) {
-                    self.messages.push_back((letter, Ok(message)));
+                    self.keep((letter, Ok(message)));
                 }
             }
-            (_, message) => self.messages.push_back((letter, message)),
+            (_, message) => self.keep((letter, message)),
         }
+    }
+
+    fn keep(&mut self, incoming: Incoming) {
+        let urgency = Urgency::of(&incoming.0.envelope).number();
+        if let Some(messages) = self.messages.get_mut(urgency) {
+            messages.push_back(incoming);
+        }
+    }
+
+    fn pop(&mut self) -> Option<Incoming> {
+        let mut messages = self.messages.iter_mut().rev();
+        messages.find_map(VecDeque::pop_front)
+    }
+
+    /// Whether another letter is to be looked at: for an answer, or for `receive` to have one.
+    fn has_room(&self) -> bool {
+        let kept: usize = self.messages.iter().map(VecDeque::len).sum();
+        let waited_for = self.expected.iter().any(|e| !e.answer.is_closed());
+        kept < if waited_for { LOOKED_THROUGH } else { 1 }
     }
 }
 
@@ -72,6 +99,7 @@ impl Agent {
             name,
             mail,
             inbox: Mutex::default(),
+            room: Room::default(),
             conversations: AtomicU64::new(0),
             registered: AtomicBool::new(true),
         }
@@ -90,6 +118,10 @@ impl Agent {
     /// Sends a message and learns what became of it, for each receiver that its names and patterns
     /// resolve to, within 10 s. A missing sender is filled in.
     ///
+    /// Where a queue or mailbox on the way is full, or 1024 letters or 64 MiB of this agent are under
+    /// way, it waits for room. A user-defined parameter `X-Priority` of the message, from 0, the
+    /// usual, to 2, lets the letter pass others that wait.
+    ///
     /// When the future is dropped the letter is still under way.
     pub async fn send(&self, message: Message) -> Vec<ReceiverOutcome> {
         self.send_within(message, DEFAULT_TIMEOUT).await
@@ -102,7 +134,15 @@ impl Agent {
         timeout: Duration,
     ) -> Vec<ReceiverOutcome> {
         message.sender.get_or_insert_with(|| (&self.name).into());
-        sending::send(&self.platform, message, timeout).await
+        sending::send(&self.platform, &self.room, message, timeout).await
+    }
+
+    /// Hands a message over without waiting, and says at once when there is no room for it. What
+    /// becomes of it can be waited for, 10 s at most. A queue further on that is full refuses it,
+    /// unless the platform is a daemon's: that waits for room.
+    pub fn try_send(&self, mut message: Message) -> Result<Sending, TrySendError> {
+        message.sender.get_or_insert_with(|| (&self.name).into());
+        sending::try_send(&self.platform, &self.room, message, DEFAULT_TIMEOUT)
     }
 
     /// The next message. Cancel-safe: nothing is lost when the future is dropped.
@@ -125,7 +165,7 @@ impl Agent {
             let notified = self.mail.notified();
             tokio::pin!(notified);
             notified.as_mut().enable();
-            if let Some(incoming) = self.sort_mail().messages.pop_front() {
+            if let Some(incoming) = self.sort_mail().pop() {
                 return Ok(incoming);
             }
             if self.platform.backend.with(|_, _, hub| hub.has_ended()) {
@@ -137,7 +177,7 @@ impl Agent {
 
     /// The next message if one is there.
     pub fn try_receive(&self) -> Option<Incoming> {
-        self.sort_mail().messages.pop_front()
+        self.sort_mail().pop()
     }
 
     /// Deregisters the agent and hands over what was delivered to it and not received yet, the
@@ -164,14 +204,15 @@ impl Agent {
             .with(|_, _, hub| hub.forget_mail(name));
         let mut inbox = self.lock();
         letters.into_iter().for_each(|letter| inbox.sort(letter));
-        std::mem::take(&mut inbox.messages).into()
+        std::iter::from_fn(|| inbox.pop()).collect()
     }
 
     /// Sends a message to one agent and waits for its answer until the deadline.
     ///
     /// A missing conversation-id and reply-with are filled in, and the deadline is told as
     /// reply-by. The answer is the first message whose in-reply-to is that reply-with: agree,
-    /// inform, refuse or what the other one finds right.
+    /// inform, refuse or what the other one finds right. A notice that a message transport service
+    /// on the way could not deliver the request ends the waiting.
     pub async fn request(
         &self,
         mut message: Message,
@@ -200,7 +241,11 @@ impl Agent {
                     reason: failed.reason.to_string(),
                 });
             }
-            self.wait_for_answer(&mut answer).await
+            let answer = self.wait_for_answer(&mut answer).await?;
+            match DeliveryFailure::of(&answer) {
+                Some(failure) => Err(RequestError::Returned(Box::new(failure))),
+                None => Ok(answer),
+            }
         };
         match tokio::time::timeout(deadline, exchange).await {
             Ok(result) => result,
@@ -245,7 +290,9 @@ impl Agent {
         let mut inbox = self.lock();
         let name = &self.name;
         let take = || self.platform.backend.with(|_, m, _| m.take_mail(name));
-        while let Some(letter) = take() {
+        while inbox.has_room()
+            && let Some(letter) = take()
+        {
             inbox.sort(letter);
         }
         inbox

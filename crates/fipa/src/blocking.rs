@@ -23,7 +23,7 @@ use fipa_directory::{PatternError, Record};
 use fipa_link::ReceiverOutcome;
 use tokio::runtime::Runtime;
 
-use crate::{Error, Incoming, PlatformBuilder, ReceiveError, RequestError};
+use crate::{Error, Incoming, PlatformBuilder, ReceiveError, RequestError, TrySendError};
 
 /// A [`Platform`](crate::Platform) with a thread of its own.
 #[derive(Clone)]
@@ -106,6 +106,13 @@ impl Agent {
     pub fn send_within(&self, message: Message, timeout: Duration) -> Vec<ReceiverOutcome> {
         self.runtime
             .block_on(self.agent.send_within(message, timeout))
+    }
+
+    /// Hands a message over without waiting ([`try_send`](crate::Agent::try_send)); what becomes of
+    /// it is not told.
+    pub fn try_send(&self, message: Message) -> Result<(), TrySendError> {
+        // The letter stays under way.
+        self.agent.try_send(message).map(drop)
     }
 
     /// Waits for the next message.

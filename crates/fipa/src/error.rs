@@ -65,6 +65,16 @@ pub enum ReceiveError {
     Ended,
 }
 
+/// Why a message was not handed over at once.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TrySendError {
+    /// Too much of the sender is under way, or a queue or mailbox of this platform is full. Nobody
+    /// has the message.
+    #[error("there is no room for the message now")]
+    Full(Box<fipa_acl::Message>),
+}
+
 /// Why a request has no answer.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -79,6 +89,9 @@ pub enum RequestError {
         /// Why.
         reason: String,
     },
+    /// A message transport service on the way has told that it could not deliver the request.
+    #[error("{0}")]
+    Returned(Box<fipa_mts::DeliveryFailure>),
     /// It was delivered, and no answer came in time.
     #[error("delivered, but no answer came within {0:?}")]
     NoAnswer(std::time::Duration),

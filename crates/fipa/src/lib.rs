@@ -47,12 +47,13 @@ mod greet;
 mod names;
 mod node;
 mod platform;
+mod room;
 mod sending;
 
 pub use agent::{Agent, DEFAULT_TIMEOUT, Incoming};
 pub use builder::PlatformBuilder;
 pub use control_path::default_control_path;
-pub use error::{Error, ReceiveError, RequestError};
+pub use error::{Error, ReceiveError, RequestError, TrySendError};
 pub use fipa_acl::{
     AgentId, Envelope, Expression, FipaTime, Letter, Message, Performative, Text, UserDefined,
 };
@@ -64,9 +65,10 @@ pub use fipa_dsd::{
     HeardDaemon, InterfaceProbe, InterfaceSelector, MDNS_PORT, Multicast, probe as probe_mdns,
 };
 pub use fipa_link::{Facts, Outcome, PeerFacts, ReceiverOutcome};
-pub use fipa_mts::{Notice, RegisterError, Registration};
+pub use fipa_mts::{DeliveryFailure, Notice, RegisterError, Registration};
 pub use greet::{GreetError, Greeting, greet};
 pub use platform::{Changes, Notices, Platform};
+pub use sending::Sending;
 
 /// What most programs need.
 pub mod prelude {

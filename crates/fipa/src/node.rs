@@ -16,6 +16,7 @@ use fipa_transport::{Buffers, Driver, End, Handle, Listener, Stream};
 use tokio::sync::{Notify, mpsc, oneshot};
 
 use crate::clock::Clock;
+use crate::room::Place;
 
 /// A machine with what runs it.
 pub(crate) struct Node<M> {
@@ -39,7 +40,7 @@ struct State<M> {
 #[derive(Default)]
 pub(crate) struct Hub {
     next_ticket: u64,
-    outcomes: HashMap<u64, oneshot::Sender<Vec<ReceiverOutcome>>>,
+    outcomes: HashMap<u64, (oneshot::Sender<Vec<ReceiverOutcome>>, Place)>,
     registrations: HashMap<u64, oneshot::Sender<Result<(), RegisterError>>>,
     leaves: HashMap<u64, oneshot::Sender<Vec<Letter>>>,
     mail: HashMap<Text, Arc<Notify>>,
@@ -51,11 +52,14 @@ pub(crate) struct Hub {
 }
 
 impl Hub {
-    /// A ticket for a letter, and where its outcomes will come.
-    pub(crate) fn expect_outcome(&mut self) -> (u64, oneshot::Receiver<Vec<ReceiverOutcome>>) {
+    /// A ticket for a letter, and where its outcomes will come. Until then it takes its place.
+    pub(crate) fn expect_outcome(
+        &mut self,
+        place: Place,
+    ) -> (u64, oneshot::Receiver<Vec<ReceiverOutcome>>) {
         let (sender, receiver) = oneshot::channel();
         self.next_ticket += 1;
-        self.outcomes.insert(self.next_ticket, sender);
+        self.outcomes.insert(self.next_ticket, (sender, place));
         (self.next_ticket, receiver)
     }
 
@@ -288,7 +292,7 @@ impl<M: Machine + Send + 'static> Node<M> {
 fn tell(hub: &mut Hub, output: Output) {
     match output {
         Output::Outcome { ticket, outcomes } => {
-            if let Some(waiter) = hub.outcomes.remove(&ticket) {
+            if let Some((waiter, _place)) = hub.outcomes.remove(&ticket) {
                 // Whoever gave up waiting does not want to know any more.
                 let _ = waiter.send(outcomes);
             }
@@ -399,14 +403,16 @@ impl<M: Machine + Send + 'static> Driver for Connection<M> {
             return true;
         }
         let mut state = self.node.lock();
-        while let Some(part) = state.machine.poll_transmit(self.conn) {
+        let now = self.node.clock.now();
+        while octets < BATCH
+            && let Some(part) = state.machine.poll_transmit(now, self.conn)
+        {
             octets += part.len();
             parts.push_back(part);
-            if octets >= BATCH {
-                return true;
-            }
         }
-        false
+        // What waited for room on the connection may have been refused.
+        self.node.act(&mut state, Some(self.conn));
+        octets >= BATCH
     }
 
     fn closed(&self, end: &End, all_written: bool) {

@@ -11,6 +11,7 @@ use crate::agent::Agent;
 use crate::backend::Backend;
 use crate::clock::Clock;
 use crate::node::{Hub, Node};
+use crate::room::Room;
 use crate::{Error, PlatformBuilder};
 
 /// A platform: the place where agents live.
@@ -43,6 +44,8 @@ pub struct Platform {
 pub(crate) struct Inner {
     pub(crate) backend: Backend,
     pub(crate) clock: Clock,
+    /// For what is sent without an agent.
+    room: Room,
     tasks: std::sync::Mutex<Vec<JoinHandle<()>>>,
     goodbye: std::sync::Mutex<Option<tokio::sync::oneshot::Sender<()>>>,
     discovery: std::sync::Mutex<Option<JoinHandle<()>>>,
@@ -115,6 +118,7 @@ impl Platform {
             inner: Arc::new(Inner {
                 backend,
                 clock,
+                room: Room::default(),
                 tasks: std::sync::Mutex::new(tasks),
                 goodbye: std::sync::Mutex::new(goodbye),
                 discovery: std::sync::Mutex::new(discovery),
@@ -171,7 +175,7 @@ impl Platform {
         message: fipa_acl::Message,
         timeout: std::time::Duration,
     ) -> Vec<fipa_link::ReceiverOutcome> {
-        crate::sending::send(&self.inner, message, timeout).await
+        crate::sending::send(&self.inner, &self.inner.room, message, timeout).await
     }
 
     /// What the directory holds for exactly this name.

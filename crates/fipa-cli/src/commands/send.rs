@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use bytes::Bytes;
-use fipa::{Agent, Message, Performative, Platform, ReceiverOutcome, RegisterError, Text};
+use fipa::{
+    Agent, DeliveryFailure, Message, Performative, Platform, ReceiverOutcome, RegisterError, Text,
+};
 use fipa_json::{message_to_json, outcome_to_json};
 use serde_json::json;
 use tokio::time::Instant;
@@ -150,6 +152,7 @@ async fn send_and_wait(
         .collect();
     let until = Instant::now() + wait;
     let mut replies = 0;
+    let mut returned = None;
     while !open.is_empty() {
         let reply = match tokio::time::timeout_at(until, agent.receive()).await {
             Err(_) => break,
@@ -159,8 +162,14 @@ async fn send_and_wait(
         if reply.conversation_id != conversation {
             continue;
         }
-        replies += 1;
         print_reply(args, &reply)?;
+        if let Some(failure) = DeliveryFailure::of(&reply) {
+            let failed = |name: &Text| failure.receivers.iter().any(|r| r.name == *name);
+            open.retain(|name| !failed(name));
+            returned = Some(failure);
+            continue;
+        }
+        replies += 1;
         // An agree is followed by the result; a subscription goes on.
         if !endless
             && reply.performative != Performative::Agree
@@ -170,6 +179,9 @@ async fn send_and_wait(
         }
     }
     delivered?;
+    if let Some(failure) = returned {
+        return Err(Failure::no(failure));
+    }
     if replies == 0 {
         return Err(Failure::no("no reply came"));
     }

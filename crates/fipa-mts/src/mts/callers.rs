@@ -16,6 +16,8 @@ use fipa_directory::Now;
 use fipa_link::{Outcome, PREAMBLE, ReceiverOutcome};
 
 use super::deliveries::Origin;
+use super::doors::host_of;
+use super::notices::Returnable;
 use super::routing::{Inbound, Terms};
 use super::{Mts, Timer};
 use crate::machine::{ConnId, Connected, Ended, Notice, Output};
@@ -30,8 +32,11 @@ const FIRST_OCTET: Duration = Duration::from_secs(5);
 /// How long the rest of a letter may make no progress.
 const PROGRESS: Duration = Duration::from_secs(30);
 
+/// A timer that is so late was held up with the whole service: what has come meanwhile is read first.
+const LATE: Duration = Duration::from_millis(100);
+
 /// How long the outcome of a letter is waited for whose sender waits for none.
-const TIMEOUT: Duration = Duration::from_secs(10);
+pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Blanks within which a letter in XML must begin.
 const MAX_BLANKS: usize = 64;
@@ -40,6 +45,8 @@ const MAX_BLANKS: usize = 64;
 #[derive(Debug)]
 pub(super) struct Caller {
     remote: Text,
+    /// Where it is, without its port.
+    host: Text,
     same_host: bool,
     /// What has come of its letter.
     octets: BytesMut,
@@ -61,11 +68,12 @@ impl Caller {
 impl Mts {
     pub(super) fn called(&mut self, now: Now, connected: Connected) {
         if self.callers.len() >= MAX_CALLERS
-            && let Some(quietest) = self.quietest_caller()
+            && let Some(quietest) = self.quietest_caller(None)
         {
             self.give_caller_up(quietest, "too many connections wait for their first octets");
         }
         let caller = Caller {
+            host: host_of(&connected.remote),
             remote: connected.remote,
             same_host: connected.same_host,
             octets: BytesMut::new(),
@@ -100,7 +108,7 @@ impl Mts {
             self.give_caller_up(conn, &reason);
         }
         while self.caller_octets > self.config.queue_octets.max(self.config.max_letter)
-            && let Some(quietest) = self.quietest_caller()
+            && let Some(quietest) = self.quietest_caller(None)
         {
             self.give_caller_up(quietest, "too much waits for the rest of its letter");
         }
@@ -126,16 +134,21 @@ impl Mts {
         ))
     }
 
-    fn quietest_caller(&self) -> Option<ConnId> {
-        let callers = self.callers.iter();
+    /// The caller that has written nothing for longest, of this address if one is given.
+    pub(super) fn quietest_caller(&self, address: Option<&Text>) -> Option<ConnId> {
+        let from = |caller: &Caller| address.is_none_or(|a| caller.host == *a);
+        let callers = self.callers.iter().filter(|(_, caller)| from(caller));
         let quietest = callers.min_by_key(|(conn, caller)| (caller.heard, **conn));
         quietest.map(|(conn, _)| *conn)
     }
 
     pub(super) fn caller_timeout(&mut self, now: Now, conn: ConnId) {
-        let Some(caller) = self.callers.get(&conn) else {
+        let Some(caller) = self.callers.get_mut(&conn) else {
             return;
         };
+        if now.mono > caller.deadline() + LATE {
+            caller.heard = now.mono;
+        }
         let deadline = caller.deadline();
         if deadline > now.mono {
             self.timer(deadline, Timer::Caller(conn));
@@ -150,7 +163,7 @@ impl Mts {
         }
     }
 
-    fn give_caller_up(&mut self, conn: ConnId, reason: &str) {
+    pub(super) fn give_caller_up(&mut self, conn: ConnId, reason: &str) {
         self.outputs.push_back(Output::Close(conn));
         if let Some(caller) = self.forget_caller(conn) {
             self.caller_notice(caller.remote, caller.octets.len(), reason);
@@ -163,7 +176,7 @@ impl Mts {
         Some(caller)
     }
 
-    fn caller_notice(&mut self, from: Text, octets: usize, reason: &str) {
+    pub(super) fn caller_notice(&mut self, from: Text, octets: usize, reason: &str) {
         let reason = Text::from(reason);
         self.notice(match octets {
             0 => Notice::LinkFailed { with: from, reason },
@@ -190,10 +203,19 @@ impl Mts {
             self.caller_notice(from, size, &reason);
             return;
         }
+        let came_as = match EnvelopeRepresentation::detect(&octets) {
+            Some(EnvelopeRepresentation::BitEfficient) => EnvelopeRepresentation::BitEfficient,
+            _ => EnvelopeRepresentation::Xml,
+        };
         match read_letter(now, octets, &self.config.limits) {
             Ok(inbound) => {
-                let origin = Origin::Caller { from, octets: size };
-                self.take_in(now, origin, inbound, Terms::within(TIMEOUT));
+                let letter = Box::new(Returnable::new(&inbound, came_as));
+                let origin = Origin::Caller {
+                    from,
+                    octets: size,
+                    letter,
+                };
+                self.take_in(now, origin, inbound, Terms::patient_within(TIMEOUT));
             }
             Err(reason) => self.caller_notice(from, size, &reason),
         }

@@ -28,6 +28,12 @@ pub(super) const SCOPE: &str = "another scope";
 /// The goodbye of a service that was called by itself.
 const MYSELF: &str = "this is the service itself";
 
+/// Octets beside letters that may wait to be written: whoever does not read them is given up.
+const UNREAD: usize = 16 << 20;
+
+/// Why who does not read is given up.
+const DEAF: &str = "it does not read what it is sent";
+
 /// How long a service of ours may take for its hello at an address that came with a letter. A
 /// service of another make reads until the end of the stream, and does nothing else meanwhile.
 const PROBE: Duration = Duration::from_secs(2);
@@ -53,6 +59,8 @@ pub(super) struct Conn {
     pub(super) claimed: bool,
     /// A part of the partner's directory that is not whole yet.
     pub(super) unfinished: Option<Unfinished>,
+    /// Letters wait for the peer because too much waits to be written here, or for receipts.
+    pub(super) starved: bool,
     /// An [`Output::Transmit`] is under way.
     announced: bool,
     /// Why we have closed it, while the rest is written.
@@ -101,7 +109,8 @@ impl Mts {
                 self.open_link(now, conn, Some((purpose, address)), control, same_host);
             }
             None if control => self.open_link(now, conn, None, control, same_host),
-            None => self.called(now, connected),
+            None if self.let_in(&connected) => self.called(now, connected),
+            None => {}
         }
     }
 
@@ -141,6 +150,7 @@ impl Mts {
                 retired: false,
                 claimed: false,
                 unfinished: None,
+                starved: false,
                 announced: false,
                 parted: None,
                 timer,
@@ -209,7 +219,14 @@ impl Mts {
             return;
         };
         open.link.send(now, frame);
-        self.announce_transmit(conn);
+        let most = self.config.queue_octets.max(self.config.max_letter) + UNREAD;
+        match open.link.queued() > most && open.parted.is_none() {
+            true => {
+                open.parted = Some(DEAF);
+                self.outputs.push_back(Output::Abort(conn));
+            }
+            false => self.announce_transmit(conn),
+        }
     }
 
     /// Says goodbye and closes.

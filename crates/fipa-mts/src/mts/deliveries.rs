@@ -9,11 +9,13 @@ use fipa_link::{Frame, LetterFrame, Outcome, ReceiverOutcome};
 
 use super::connections::Partner;
 use super::dialects::Foreign;
+use super::notices::Returnable;
 use super::routing::{Inbound, Terms};
 use super::seen::SeenLetter;
 use super::{Mts, Timer};
 use crate::machine::{ConnId, Output, REPLY_BY};
 use crate::pieces::read_envelope;
+use crate::{MailboxFull, Urgency};
 
 /// Who is told what became of a letter.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,8 +30,15 @@ pub(super) enum Origin {
         conn: ConnId,
         id: u64,
     },
-    /// Nobody: it came over a connection of its own, from there, with so many octets.
-    Caller { from: Text, octets: usize },
+    /// Nobody over a link: it came over a connection of its own, from there, with so many octets.
+    /// Its sender is told of failures by notices.
+    Caller {
+        from: Text,
+        octets: usize,
+        letter: Box<Returnable>,
+    },
+    /// Nobody: it is such a notice itself, to this agent.
+    Notice { to: Text },
 }
 
 /// A letter whose outcomes are being collected.
@@ -55,6 +64,11 @@ pub(super) struct Delivery {
     deadline: Duration,
     /// After its deadline it is not to be sent any more.
     expires: bool,
+    /// Its sender waits for room where there is none.
+    pub(super) patient: bool,
+    /// In whose name it is, and how urgent it is.
+    pub(super) sender: Text,
+    pub(super) urgency: Urgency,
     pub(super) via: Option<Text>,
 }
 
@@ -68,6 +82,8 @@ pub(super) enum Target {
     Post,
     /// Nowhere yet: the receiver is on the move.
     Held,
+    /// Nowhere yet: there is no room at the receiver.
+    Full,
 }
 
 impl Delivery {
@@ -118,7 +134,12 @@ impl Mts {
                     patterns,
                 };
                 let timeout = Duration::from_millis(frame.ttl_millis.into());
-                self.take_in(now, origin, inbound, Terms::within(timeout));
+                // The first service on the way waits for room, on behalf of the sender.
+                let terms = match origin {
+                    Origin::Program { .. } => Terms::patient_within(timeout),
+                    _ => Terms::within(timeout),
+                };
+                self.take_in(now, origin, inbound, terms);
             }
             Err(error) => {
                 let reason = Text::from(format!("the envelope cannot be read: {error}"));
@@ -230,7 +251,15 @@ impl Mts {
                 }
                 self.send(now, conn, Frame::Receipt { id, outcomes });
             }
-            Origin::Caller { from, octets } => self.tell_of_caller(from, octets, &outcomes),
+            Origin::Caller {
+                from,
+                octets,
+                letter,
+            } => {
+                self.tell_of_caller(from, octets, &outcomes);
+                self.return_letter(now, &letter, &outcomes);
+            }
+            Origin::Notice { to } => self.tell_of_notice(&to, &outcomes),
         }
     }
 
@@ -254,17 +283,26 @@ impl Mts {
             foreign,
             deadline,
             expires: terms.expires,
+            patient: terms.patient,
+            sender: terms.sender.clone(),
+            urgency: terms.urgency,
             via: None,
         };
-        let octets = delivery.octets();
         self.deliveries.insert(id, delivery);
         self.timer(deadline, Timer::Delivery(id));
+        if terms.patient && target != Target::Full && self.is_waited_for(id) {
+            return self.wait_for_room(now, id, Text::default());
+        }
         match target {
             Target::Program(conn) => self.transmit_delivery(now, conn, id),
-            Target::Peer(instance) => self.queue_for_peer(now, instance, id, octets),
+            Target::Peer(instance) => self.queue_for_peer(now, instance, id),
             Target::Seed(seed) => self.queue_for_seed(now, seed, id),
             Target::Post => self.post(now, id),
             Target::Held => self.hold(now, id),
+            Target::Full => {
+                let reason = Text::from(MailboxFull.to_string());
+                self.wait_for_room(now, id, reason);
+            }
         }
     }
 
@@ -283,12 +321,12 @@ impl Mts {
                 ))
             }
             _ if open.link.queued() > self.config.queue_octets => {
-                Some("too much waits to be written to it".to_owned())
+                Some("what waits to be written to it is full".to_owned())
             }
             _ => None,
         };
         if let Some(reason) = refusal {
-            self.finish(now, id, Outcome::Refused, Text::from(reason));
+            self.not_taken(now, id, Outcome::Refused, Text::from(reason));
             return;
         }
         let via = self.conn_via(conn);
@@ -334,7 +372,7 @@ impl Mts {
             // A copy has one receiver; more come only from one whose name is a pattern elsewhere.
             let worst = outcomes.iter().find(|o| !o.outcome.is_success());
             match worst.or(outcomes.first()) {
-                Some(told) => self.finish(now, id, told.outcome, told.reason.clone()),
+                Some(told) => self.not_taken(now, id, told.outcome, told.reason.clone()),
                 None => {
                     let reason = Text::from_static("the receipt names no receiver");
                     self.finish(now, id, Outcome::Refused, reason);
@@ -356,8 +394,15 @@ impl Mts {
     fn receipted(&mut self, now: Now, conn: ConnId, id: u64) {
         if let Some(open) = self.conns.get_mut(&conn) {
             open.outstanding.remove(&id);
+            let partner = match open.partner {
+                Partner::Daemon { instance, .. } if open.starved => Some(instance),
+                _ => None,
+            };
             if open.retired {
                 self.retire(now, conn);
+            }
+            if let Some(instance) = partner {
+                self.flush_waiting(now, instance);
             }
         }
     }
@@ -370,6 +415,7 @@ impl Mts {
         self.timers
             .remove(&(delivery.deadline, Timer::Delivery(id)));
         let octets = delivery.octets();
+        self.forget_waiting(now, id, &delivery);
         let Delivery {
             pending,
             slot,
@@ -382,6 +428,40 @@ impl Mts {
         if let (Target::Post, Some(foreign)) = (target, foreign) {
             self.post_ended(now, id, &foreign, octets);
         }
+    }
+
+    /// Whether others wait already for room at the receiver of a copy.
+    fn is_waited_for(&self, id: u64) -> bool {
+        let receiver = self.receiver_of(id);
+        receiver.is_some_and(|(receiver, _)| self.backlog.has(&receiver))
+    }
+
+    /// A copy that has ended does not wait any more.
+    fn forget_waiting(&mut self, now: Now, id: u64, ended: &Delivery) {
+        if let (Target::Peer(instance), None) = (ended.target, ended.sent)
+            && let Some(peer) = self.peers.get_mut(instance)
+        {
+            peer.waiting.remove(id);
+        }
+        if self.backlog.is_empty() {
+            return;
+        }
+        let pending = self.pending.get(&ended.pending);
+        let receiver = pending.and_then(|pending| pending.receivers.get(ended.slot));
+        if let Some(receiver) = receiver.cloned() {
+            self.leave_backlog(now, &receiver, id);
+        }
+    }
+
+    /// Gives a copy that nobody has a new number.
+    pub(super) fn renew(&mut self, id: u64) -> Option<u64> {
+        let delivery = self.deliveries.remove(&id)?;
+        let renewed = self.id();
+        self.timers
+            .remove(&(delivery.deadline, Timer::Delivery(id)));
+        self.timer(delivery.deadline, Timer::Delivery(renewed));
+        self.deliveries.insert(renewed, delivery);
+        Some(renewed)
     }
 
     /// Makes a copy wait again whose connection ended before the receipt came.
@@ -408,6 +488,10 @@ impl Mts {
             (Target::Seed(seed), _) => self.seed_error(seed),
             (Target::Post, _) => self.post_lateness(id),
             (Target::Held, _) => "the agent has gone, and has not turned up elsewhere".to_owned(),
+            (Target::Full, _) => {
+                let reason = self.full_reason(id);
+                return self.finish(now, id, Outcome::Refused, reason);
+            }
         };
         let under_way = sent.is_some() || self.is_being_posted(id);
         if delivery.expires && !under_way {

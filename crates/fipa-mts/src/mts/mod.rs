@@ -1,15 +1,18 @@
 //! The message transport service. This module holds its state; its parts each hold one concern.
 
+mod backlog;
 mod callers;
 mod connections;
 mod deliveries;
 mod dialects;
 mod dialling;
+mod doors;
 mod duplicates;
 mod facts;
 mod gossip;
 mod moves;
 mod neighbours;
+mod notices;
 mod peer;
 mod peers;
 mod posting;
@@ -18,6 +21,7 @@ mod routing;
 mod seeds;
 mod seen;
 mod sync;
+mod waiting;
 
 pub(crate) use sync::record_of;
 
@@ -30,10 +34,12 @@ use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Directory, InstanceId, Now};
 use fipa_link::Outcome;
 
+use self::backlog::Backlog;
 use self::callers::Caller;
 use self::connections::Conn;
 use self::deliveries::{Delivery, Origin, Pending};
 use self::dialling::Purpose;
+use self::doors::Doors;
 use self::gossip::Gossip;
 use self::moves::Held;
 use self::neighbours::Neighbour;
@@ -47,6 +53,7 @@ use crate::machine::{
     ConnId, Connected, DialId, Ended, Machine, Notice, Output, REPLY_BY, RegisterError,
     Registration, Submission,
 };
+use crate::mailbox::Lately;
 use crate::{Config, Mailbox};
 
 /// Octets of name, type and description of an agent together, at most.
@@ -62,6 +69,8 @@ pub struct Mts {
     conns: BTreeMap<ConnId, Conn>,
     /// Connections of which nobody knows yet what they are, and those that bring a letter.
     callers: BTreeMap<ConnId, Caller>,
+    /// Connections that others have opened.
+    doors: Doors,
     /// Octets of unfinished letters of all callers.
     caller_octets: usize,
     peers: Peers,
@@ -81,6 +90,9 @@ pub struct Mts {
     /// Copies of letters on their way to one receiver each.
     deliveries: HashMap<u64, Delivery>,
     held: Held,
+    backlog: Backlog,
+    /// Agents in whose mailboxes letters came lately.
+    lately: Lately,
     timers: BTreeSet<(Duration, Timer)>,
     outputs: VecDeque<Output>,
     random: fastrand::Rng,
@@ -92,7 +104,7 @@ pub struct Mts {
 }
 
 /// What a timer is for. A timer that fires too early does no harm: its owner looks again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 enum Timer {
     Caller(ConnId),
     Conn(ConnId),
@@ -102,6 +114,9 @@ enum Timer {
     Seen(InstanceId),
     Held,
     Gossip,
+    /// There may be room for letters to this receiver.
+    Room(Text),
+    Mailboxes,
 }
 
 impl Mts {
@@ -112,6 +127,7 @@ impl Mts {
             version: 0,
             conns: BTreeMap::new(),
             callers: BTreeMap::new(),
+            doors: Doors::default(),
             caller_octets: 0,
             peers: Peers::default(),
             gossip: Gossip::default(),
@@ -125,6 +141,8 @@ impl Mts {
             pending: HashMap::new(),
             deliveries: HashMap::new(),
             held: Held::default(),
+            backlog: Backlog::default(),
+            lately: Lately::default(),
             timers: BTreeSet::new(),
             outputs: VecDeque::new(),
             random: fastrand::Rng::with_seed(config.seed),
@@ -179,6 +197,7 @@ impl Machine for Mts {
     }
 
     fn closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>) {
+        self.doors.leave(conn);
         if self.post.has_conn(conn) {
             self.post_closed(now, conn, ended);
         } else {
@@ -188,7 +207,8 @@ impl Machine for Mts {
         self.publish_changes(now);
     }
 
-    fn poll_transmit(&mut self, conn: ConnId) -> Option<Bytes> {
+    fn poll_transmit(&mut self, now: Now, conn: ConnId) -> Option<Bytes> {
+        self.refill(now, conn);
         match self.conns.get_mut(&conn) {
             Some(open) => open.poll_transmit(),
             None => self.post.poll_transmit(conn),
@@ -201,11 +221,11 @@ impl Machine for Mts {
     }
 
     fn handle_timeout(&mut self, now: Now) {
-        while let Some((at, timer)) = self.timers.first().copied() {
+        while let Some((at, timer)) = self.timers.pop_first() {
             if at > now.mono {
+                self.timers.insert((at, timer));
                 break;
             }
-            self.timers.pop_first();
             match timer {
                 Timer::Caller(conn) => self.caller_timeout(now, conn),
                 Timer::Conn(conn) => self.conn_timeout(now, conn),
@@ -215,6 +235,8 @@ impl Machine for Mts {
                 Timer::Seen(instance) => self.seen_timeout(now, instance),
                 Timer::Held => self.held_timeout(now),
                 Timer::Gossip => self.gossip_timeout(now),
+                Timer::Room(receiver) => self.room_timeout(now, &receiver),
+                Timer::Mailboxes => self.tidy_mailboxes(),
             }
         }
         self.directory.handle_timeout(now);
@@ -250,6 +272,7 @@ impl Machine for Mts {
             letter: Letter { envelope, payload },
             timeout,
             transports,
+            patient,
             ..
         } = submission;
         let origin = Origin::Ticket(ticket);
@@ -277,6 +300,8 @@ impl Machine for Mts {
             timeout: until.unwrap_or(timeout).min(timeout),
             expires: until.is_some_and(|left| left <= timeout),
             transports,
+            patient,
+            ..Terms::within(timeout)
         };
         self.take_in(now, origin, inbound, terms);
         self.publish_changes(now);

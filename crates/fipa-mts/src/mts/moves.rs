@@ -191,12 +191,12 @@ impl Mts {
         };
         match mailbox.push(letter) {
             Ok(()) => {
-                self.outputs.push_back(Output::Mail(name.clone()));
+                self.mail_has_come(now, name);
                 self.finish(now, id, Outcome::Delivered, Text::default());
             }
             Err(full) => {
                 let reason = Text::from(full.to_string());
-                self.finish(now, id, Outcome::Refused, reason);
+                self.not_taken(now, id, Outcome::Refused, reason);
             }
         }
     }
@@ -207,8 +207,7 @@ impl Mts {
         let Some(peer) = self.peers.get_mut(instance) else {
             return;
         };
-        peer.waiting_octets = 0;
-        let mut released: Vec<u64> = std::mem::take(&mut peer.waiting).into();
+        let mut released = peer.waiting.take_all();
         let links = peer.links.iter().filter_map(|conn| self.conns.get(conn));
         released.extend(links.flat_map(|open| &open.outstanding));
         for id in released {

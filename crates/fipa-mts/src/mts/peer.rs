@@ -1,12 +1,13 @@
 //! What is known of another message transport service, and the table of all of them.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::time::Duration;
 
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now, Source, State};
 
 use super::dialling::Dialling;
+use super::waiting::Waiting;
 use crate::machine::ConnId;
 
 /// Platforms that are known, by instance and by name.
@@ -97,8 +98,7 @@ pub(super) struct Peer {
     pub(super) down_since: Option<Duration>,
     pub(super) last_error: String,
     /// Deliveries that wait for a link.
-    pub(super) waiting: VecDeque<u64>,
-    pub(super) waiting_octets: usize,
+    pub(super) waiting: Waiting,
     /// The version of its entries that we hold.
     pub(super) version: Option<u64>,
 }
@@ -117,8 +117,7 @@ impl Peer {
             state: State::Alive,
             down_since: None,
             last_error: "it has not been reached yet".to_owned(),
-            waiting: VecDeque::new(),
-            waiting_octets: 0,
+            waiting: Waiting::default(),
             version: None,
         }
     }

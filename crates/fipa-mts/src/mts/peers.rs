@@ -10,21 +10,27 @@
 //! A link that has missed six heartbeats is given up, which is the end of a connection like any
 //! other: a way through a firewall may have been forgotten on it, and the peer be well.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now, Source, State};
 use fipa_link::{Frame, Hello, Outcome};
 
-use super::connections::{ONLY, Partner};
-use super::deliveries::Delivery;
+use super::connections::{Conn, ONLY, Partner};
 use super::dialling::{Dialling, Purpose};
 use super::{Mts, Timer};
 use crate::machine::{Announced, ConnId, Notice, Output};
 
 /// Letters that wait for one peer at most.
 const MAX_WAITING: usize = 10_000;
+
+/// Octets that are handed to a link at once: enough to keep it busy, and few for an urgent letter to
+/// wait for.
+const WINDOW: usize = 1 << 20;
+
+/// Letters on a link that wait for their receipts, at most: the other side remembers twice as many.
+const MAX_OUTSTANDING: usize = 8192;
 
 /// How long the service with the greater id leaves the dialling to the other when both have just
 /// discovered each other.
@@ -186,15 +192,14 @@ impl Mts {
     ) {
         // They keep their numbers: whoever has them already will say so.
         outstanding.iter().for_each(|id| self.unsend(*id));
-        let again = outstanding.iter().filter_map(|id| self.deliveries.get(id));
-        let octets: usize = again.map(Delivery::octets).sum();
         if let Some(peer) = self.peers.get_mut(instance) {
             peer.links.retain(|link| *link != conn);
-            peer.waiting_octets += octets;
-            outstanding
-                .into_iter()
-                .rev()
-                .for_each(|id| peer.waiting.push_front(id));
+            for id in outstanding {
+                if let Some(again) = self.deliveries.get(&id) {
+                    let (sender, octets) = (again.sender.detached(), again.octets());
+                    peer.waiting.push_again(sender, id, octets);
+                }
+            }
         }
         let Some(peer) = self.peers.get_mut(instance) else {
             return;
@@ -383,42 +388,68 @@ impl Mts {
         moved
     }
 
-    /// Sends a copy over the peer's link, or keeps it until there is one.
-    pub(super) fn queue_for_peer(
-        &mut self,
-        now: Now,
-        instance: InstanceId,
-        id: u64,
-        octets: usize,
-    ) {
-        let max = self.config.queue_octets;
+    /// Sends a copy over the peer's link, or keeps it until there is one that has room for it.
+    pub(super) fn queue_for_peer(&mut self, now: Now, instance: InstanceId, id: u64) {
+        let max_octets = self.config.queue_octets;
+        let Some(delivery) = self.deliveries.get(&id) else {
+            return;
+        };
         let Some(peer) = self.peers.get_mut(instance) else {
             let reason = Text::from_static("its platform is not known any more");
             self.finish(now, id, Outcome::Unknown, reason);
             return;
         };
-        let full = peer.waiting.len() >= MAX_WAITING || peer.waiting_octets + octets > max;
-        if peer.links.is_empty() && full {
-            let reason = Text::from(format!("too many letters wait for {}", peer.name));
-            self.finish(now, id, Outcome::Refused, reason);
+        if peer.waiting.is_empty()
+            && let Some(conn) = free_link(&mut self.conns, &peer.links)
+        {
+            self.transmit_delivery(now, conn, id);
             return;
         }
-        peer.waiting.push_back(id);
-        peer.waiting_octets += octets;
-        self.flush_waiting(now, instance);
+        let (sender, octets) = (&delivery.sender, delivery.octets());
+        if !peer
+            .waiting
+            .has_room(sender, octets, MAX_WAITING, max_octets)
+        {
+            let reason = Text::from(format!("the queue of {} is full", peer.name));
+            self.not_taken(now, id, Outcome::Refused, reason);
+            return;
+        }
+        let sender = sender.detached();
+        peer.waiting.push(delivery.urgency, sender, id, octets);
     }
 
+    /// Sends what waits for a peer, as far as its link has room.
     pub(super) fn flush_waiting(&mut self, now: Now, instance: InstanceId) {
         while let Some(peer) = self.peers.get_mut(instance) {
-            let usable = |conn: &&ConnId| self.conns.get(conn).is_some_and(|open| !open.retired);
-            let Some(conn) = peer.links.iter().find(usable).copied() else {
+            if peer.waiting.is_empty() {
+                return;
+            }
+            let Some(conn) = free_link(&mut self.conns, &peer.links) else {
                 return;
             };
-            let Some(id) = peer.waiting.pop_front() else {
-                peer.waiting_octets = 0;
-                return;
-            };
-            self.transmit_delivery(now, conn, id);
+            if let Some(id) = peer.waiting.pop() {
+                self.transmit_delivery(now, conn, id);
+            }
         }
     }
+
+    /// A link whose octets are being written may have room again.
+    pub(super) fn refill(&mut self, now: Now, conn: ConnId) {
+        if let Some(open) = self.conns.get(&conn)
+            && open.starved
+            && let Partner::Daemon { instance, .. } = open.partner
+        {
+            self.flush_waiting(now, instance);
+        }
+    }
+}
+
+/// The link to write the next letter to. Those that wait are not written before there is room: so
+/// an urgent one passes them, and each sender has its turn.
+fn free_link(conns: &mut BTreeMap<ConnId, Conn>, links: &[ConnId]) -> Option<ConnId> {
+    let usable = |conn: &&ConnId| conns.get(conn).is_some_and(|open| !open.retired);
+    let conn = links.iter().find(usable).copied()?;
+    let open = conns.get_mut(&conn)?;
+    open.starved = open.link.queued() >= WINDOW || open.outstanding.len() >= MAX_OUTSTANDING;
+    (!open.starved).then_some(conn)
 }

@@ -144,13 +144,15 @@ impl Mts {
         let (name, octets) = (foreign.to.name.clone(), delivery.octets());
         let letterbox = self.post.boxes.entry(name.clone()).or_default();
         let too_much = letterbox.octets + octets > self.config.queue_octets;
+        let waiting = letterbox.waiting.len();
+        if waiting > 0 && (waiting >= MAX_WAITING || too_much) {
+            let reason = Text::from(format!("the queue of {name} is full"));
+            self.not_taken(now, id, Outcome::Refused, reason);
+            return;
+        }
         letterbox.waiting.push_back(id);
         letterbox.octets += octets;
-        let waiting = letterbox.waiting.len();
-        if waiting > 1 && (waiting > MAX_WAITING || too_much) {
-            let reason = Text::from(format!("too many letters wait for {name}"));
-            self.finish(now, id, Outcome::Refused, reason);
-        } else if waiting == 1 {
+        if waiting == 0 {
             self.post.due.push_back(name);
             self.run_post(now);
         }
@@ -387,8 +389,11 @@ impl Mts {
     pub(super) fn post_ended(&mut self, now: Now, id: u64, foreign: &Foreign, octets: usize) {
         let name = &foreign.to.name;
         if let Some(letterbox) = self.post.boxes.get_mut(name) {
+            let before = letterbox.waiting.len();
             letterbox.waiting.retain(|waiting| *waiting != id);
-            letterbox.octets -= octets;
+            if letterbox.waiting.len() < before {
+                letterbox.octets -= octets;
+            }
         }
         if let Some(attempt) = self.post.attempts.remove(&id) {
             self.post.queue.retain(|waiting| *waiting != id);

@@ -6,9 +6,10 @@ use fipa_acl::Text;
 use fipa_directory::Now;
 use fipa_link::{Frame, Outcome};
 
-use super::Mts;
+use super::{Mts, Timer};
 use crate::Mailbox;
-use crate::machine::{ConnId, Registration};
+use crate::machine::{ConnId, Output, Registration};
+use crate::mailbox::TIDY;
 
 /// An agent that is registered here.
 #[derive(Debug)]
@@ -20,6 +21,23 @@ pub(super) enum Local {
 }
 
 impl Mts {
+    /// Tells that a letter has come into a mailbox.
+    pub(super) fn mail_has_come(&mut self, now: Now, name: &Text) {
+        self.outputs.push_back(Output::Mail(name.clone()));
+        if self.lately.note(name) {
+            self.timer(now.mono + TIDY, Timer::Mailboxes);
+        }
+    }
+
+    /// Letters that still wait give the buffers back that they came in.
+    pub(super) fn tidy_mailboxes(&mut self) {
+        for name in self.lately.take() {
+            if let Some(Local::Mailbox(mailbox)) = self.locals.get_mut(&name) {
+                mailbox.detach();
+            }
+        }
+    }
+
     pub(super) fn attach(
         &mut self,
         now: Now,

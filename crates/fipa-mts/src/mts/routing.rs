@@ -15,12 +15,16 @@ use super::dialects::Foreign;
 use super::neighbours::owner_of;
 use super::posting::preference;
 use super::programs::Local;
-use crate::machine::{ConnId, Output};
+use crate::Urgency;
+use crate::machine::ConnId;
 use crate::pieces::joined;
 
 /// Stamps that a letter may bear before it is taken for one that travels in circles (SC00067F
 /// section 4 leaves the number open).
 const MAX_HOPS: usize = 32;
+
+/// What the reason begins with when a letter travels in circles: nobody is told of that by a notice.
+pub(super) const LOOP: &str = "the letter travels in circles: ";
 
 /// A letter as it came.
 #[derive(Debug)]
@@ -48,6 +52,11 @@ pub(super) struct Terms {
     pub(super) expires: bool,
     /// The transports that are preferred.
     pub(super) transports: Vec<Text>,
+    /// Whether a queue that is full is waited for.
+    pub(super) patient: bool,
+    /// In whose name the letter is, and how urgent it is: what decides on its turn in a queue.
+    pub(super) sender: Text,
+    pub(super) urgency: Urgency,
 }
 
 impl Terms {
@@ -57,6 +66,17 @@ impl Terms {
             timeout,
             expires: false,
             transports: Vec::new(),
+            patient: false,
+            sender: Text::default(),
+            urgency: Urgency::default(),
+        }
+    }
+
+    /// The same, and a queue that is full is waited for.
+    pub(super) fn patient_within(timeout: Duration) -> Terms {
+        Terms {
+            patient: true,
+            ..Terms::within(timeout)
         }
     }
 }
@@ -83,7 +103,7 @@ impl Mts {
     /// outcomes once all are known.
     pub(super) fn take_in(&mut self, now: Now, origin: Origin, inbound: Inbound, mut terms: Terms) {
         if inbound.envelope.stamps().count() >= MAX_HOPS {
-            let reason = Text::from(format!("the letter has passed {MAX_HOPS} services"));
+            let reason = Text::from(format!("{LOOP}it has passed {MAX_HOPS} services"));
             self.answer_whole(now, origin, Outcome::Refused, reason);
             return;
         }
@@ -101,6 +121,9 @@ impl Mts {
         }
         terms.expires &= terms.timeout <= self.config.longest_wait;
         terms.timeout = terms.timeout.min(self.config.longest_wait);
+        terms.urgency = Urgency::of(&inbound.envelope);
+        let sender = inbound.envelope.from();
+        terms.sender = sender.map(|from| from.name.clone()).unwrap_or_default();
         let pending = self.open_pending(origin, &resolved, |resolved| resolved.to.name.clone());
         for (slot, resolved) in resolved.into_iter().enumerate() {
             self.start(now, (pending, slot), &inbound, resolved, &terms);
@@ -119,7 +142,7 @@ impl Mts {
     fn end_circle(&self, resolved: &mut Resolved) {
         if !matches!(resolved.route, Route::Mailbox | Route::Program(_)) {
             let reason = format!(
-                "the letter came back to {}, where it has been before",
+                "{LOOP}it came back to {}, where it has been before",
                 self.config.name
             );
             resolved.route = Route::Nowhere(Outcome::Refused, Text::from(reason));
@@ -201,7 +224,7 @@ impl Mts {
     }
 
     /// The agent that services of another make know by this name: mDNS has `?` for each `.`.
-    fn announced_as(&self, name: &str) -> Option<Text> {
+    pub(super) fn announced_as(&self, name: &str) -> Option<Text> {
         if !name.contains('?') {
             return None;
         }
@@ -264,6 +287,9 @@ impl Mts {
             Route::Nowhere(outcome, reason) => {
                 self.settle(now, pending, slot, outcome, None, reason);
                 return;
+            }
+            Route::Mailbox if terms.patient && self.is_crowded(inbound, &name) => {
+                (Target::Full, None)
             }
             Route::Mailbox => {
                 let overlay = self.overlay(now, inbound, to);
@@ -330,7 +356,7 @@ impl Mts {
         };
         match mailbox.push(letter) {
             Ok(()) => {
-                self.outputs.push_back(Output::Mail(name.clone()));
+                self.mail_has_come(now, name);
                 self.settle(now, pending, slot, Outcome::Delivered, via, Text::default());
             }
             Err(full) => {
@@ -338,6 +364,16 @@ impl Mts {
                 self.settle(now, pending, slot, Outcome::Refused, via, reason);
             }
         }
+    }
+
+    /// Whether a letter has to wait for room in the mailbox of an agent.
+    fn is_crowded(&self, inbound: &Inbound, name: &Text) -> bool {
+        let octets: usize = inbound.parts.iter().map(Bytes::len).sum();
+        let full = match self.locals.get(name) {
+            Some(Local::Mailbox(mailbox)) => !mailbox.has_room_for(octets - inbound.payload),
+            _ => false,
+        };
+        full || self.backlog.has(name)
     }
 
     /// Our stamp, and the receiver that this copy is dedicated to where the letter had others.

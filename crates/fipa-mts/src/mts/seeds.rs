@@ -71,6 +71,9 @@ pub(super) struct Seed {
 /// How long an address is remembered where nobody greeted; then it is tried again as a link.
 const MUTE: Duration = Duration::from_secs(600);
 
+/// Letters that wait for one address at most.
+const MAX_WAITING: usize = 1000;
+
 impl Mts {
     /// Adds the address of a peer that is dialled for ever, whoever answers there.
     pub fn add_peer(&mut self, now: Now, address: Address) {
@@ -119,6 +122,10 @@ impl Mts {
         match seed.instance {
             Some(instance) => self.retarget(now, delivery, instance),
             None if seed.myself => self.nobody_here(now, delivery),
+            None if seed.waiting.len() >= MAX_WAITING => {
+                let reason = Text::from_static("the queue of its address is full");
+                self.not_taken(now, delivery, Outcome::Refused, reason);
+            }
             None => {
                 seed.waiting.push(delivery);
                 if seed.dialling.is_idle() {
@@ -131,8 +138,7 @@ impl Mts {
     pub(super) fn retarget(&mut self, now: Now, id: u64, instance: InstanceId) {
         if let Some(delivery) = self.deliveries.get_mut(&id) {
             delivery.target = Target::Peer(instance);
-            let octets = delivery.octets();
-            self.queue_for_peer(now, instance, id, octets);
+            self.queue_for_peer(now, instance, id);
         }
     }
 

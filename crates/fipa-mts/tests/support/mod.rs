@@ -157,7 +157,7 @@ impl Raw {
                 self.closed |= matches!(output, Output::Close(_));
                 self.outputs.push(output);
             }
-            while let Some(part) = self.mts.poll_transmit(CONN) {
+            while let Some(part) = self.mts.poll_transmit(self.now, CONN) {
                 moved = true;
                 self.inbox.extend_from_slice(&part);
             }

@@ -1,0 +1,249 @@
+//! Whoever connects may say anything: the daemon stays up, keeps its memory, and answers others.
+
+use std::io::Write;
+use std::net::{Shutdown, TcpStream};
+use std::time::{Duration, Instant};
+
+use fipa::blocking::{Agent, Platform};
+use fipa::{Message, Performative};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+use crate::support::daemon::{Daemon, Place};
+use crate::support::process::Process;
+
+/// Connections of an attack on which nothing is said.
+const SILENT: usize = 2000;
+
+/// Octets that a daemon may have in memory at most, whatever is done to it.
+const MEMORY: u64 = 512 << 20;
+
+/// A daemon under attack, and an honest agent on another one that talks to an agent there.
+struct Battle {
+    daemon: Daemon,
+    _other: Daemon,
+    _echo: Process,
+    _platform: Platform,
+    honest: Agent,
+    _place: Place,
+}
+
+impl Battle {
+    fn begin() -> Battle {
+        let place = Place::new();
+        let (other, daemon, echo) = place.pair();
+        let platform = Platform::attach_to(&other.control).unwrap();
+        let honest = platform.agent("honest@robot1").unwrap();
+        Battle {
+            daemon,
+            _other: other,
+            _echo: echo,
+            _platform: platform,
+            honest,
+            _place: place,
+        }
+    }
+
+    fn connect(&self) -> TcpStream {
+        let endpoint = self.daemon.endpoint().trim_start_matches("tcp://");
+        TcpStream::connect(endpoint).unwrap()
+    }
+
+    /// Says something and ends; the daemon may end it earlier.
+    fn say(&self, octets: &[u8]) {
+        let mut stream = self.connect();
+        let _ = stream.write_all(octets);
+        let _ = stream.shutdown(Shutdown::Write);
+    }
+
+    /// The median of some round trips of the honest agent; each of them succeeds.
+    fn round_trip(&self) -> Duration {
+        let ask = || {
+            let begun = Instant::now();
+            let request = Message::new(Performative::QueryRef)
+                .to("echo@robot2")
+                .content("?");
+            let answer = self.honest.request(request, Duration::from_secs(10));
+            answer.expect("the honest agent is answered");
+            begun.elapsed()
+        };
+        let mut times: Vec<Duration> = (0..101).map(|_| ask()).collect();
+        times.sort();
+        times[times.len() / 2]
+    }
+
+    /// Octets of the daemon's memory.
+    fn memory(&self) -> u64 {
+        let status = format!("/proc/{}/status", self.daemon.id());
+        let status = std::fs::read_to_string(status).expect("the daemon is up");
+        let line = status
+            .lines()
+            .find(|line| line.starts_with("VmRSS:"))
+            .unwrap();
+        let kib: u64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
+        kib << 10
+    }
+
+    /// Whether all is well, with the figures.
+    fn check(&self, what: &str, before: Duration) {
+        let (after, memory) = (self.round_trip(), self.memory());
+        let factor = after.as_secs_f64() / before.as_secs_f64();
+        println!(
+            "{what}: {after:?}, {factor:.2} of {before:?}; {} KiB",
+            memory >> 10
+        );
+        assert!(memory < MEMORY, "{what}: {memory} octets");
+    }
+}
+
+/// Lets this process have so many connections, and tells whether it may.
+fn allow_files(count: u64) -> bool {
+    let limit = getrlimit(Resource::Nofile);
+    if limit.maximum.is_some_and(|maximum| maximum < count) {
+        return false;
+    }
+    let current = Some(count.max(limit.current.unwrap_or(count)));
+    setrlimit(Resource::Nofile, Rlimit { current, ..limit }).is_ok()
+}
+
+/// A letter in XML around an envelope with this inside.
+fn envelope(inside: &str) -> String {
+    format!("<?xml version=\"1.0\"?><envelope><params index=\"1\">{inside}</params></envelope>")
+}
+
+/// A letter in XML from nobody to agents that match a pattern.
+fn letter_to(pattern: &str) -> String {
+    let agent = |name: &str| format!("<agent-identifier><name>{name}</name></agent-identifier>");
+    let slots = format!(
+        "<to>{to}</to><from>{from}</from>\
+         <acl-representation>fipa.acl.rep.string.std</acl-representation>\
+         <date>20260101Z120000000</date><intended-receiver>{to}</intended-receiver>",
+        to = agent(pattern),
+        from = agent("stranger"),
+    );
+    envelope(&slots) + "(inform :content x)"
+}
+
+#[test]
+fn octets_that_are_no_letter_harm_nobody() {
+    let battle = Battle::begin();
+    let before = battle.round_trip();
+    let mut random = scramble(1);
+    for _ in 0..200 {
+        let octets: Vec<u8> = (0..2000).map(|_| random() as u8).collect();
+        battle.say(&octets);
+        // The same behind what a letter, our link and XML begin with.
+        for head in [
+            &b"\xfe\x00\x10"[..],
+            b"\xfd\x00\xff\xff",
+            b"\x8fFIPA\r\n\x01",
+            b"<?xml ",
+        ] {
+            battle.say(&[head, &octets].concat());
+        }
+    }
+    battle.check("arbitrary octets", before);
+}
+
+#[test]
+fn letters_that_announce_too_much_or_nest_too_deeply_cost_no_memory() {
+    let battle = Battle::begin();
+    let before = battle.round_trip();
+    let huge = "<payload-length>4294967296</payload-length>";
+    for _ in 0..20 {
+        battle.say(envelope(huge).as_bytes());
+        // A frame of our link that claims 4 GiB.
+        battle.say(b"\x8fFIPA\r\n\x01\xff\xff\xff\xff\x02");
+    }
+    battle.check("letters that claim 4 GiB", before);
+    battle.say(envelope(&"<a>".repeat(1_000_000)).as_bytes());
+    battle.say("<envelope>".repeat(1_000_000).as_bytes());
+    battle.say(
+        letter_to("x")
+            .replace("(inform", &"(".repeat(1_000_000))
+            .as_bytes(),
+    );
+    battle.check("a million nested elements", before);
+}
+
+#[test]
+fn patterns_that_are_meant_to_blow_up_do_not() {
+    let battle = Battle::begin();
+    let before = battle.round_trip();
+    let patterns = [
+        "(a*)*b".repeat(500),
+        "(((x{100}){100}){100}){100}".to_owned(),
+        "\\w{1000}".repeat(400),
+        "(".repeat(4000),
+        "(a|aa)+$".repeat(400),
+        ".*".repeat(2000),
+        "x".repeat(1 << 20),
+    ];
+    for _ in 0..10 {
+        for pattern in &patterns {
+            battle.say(letter_to(pattern).as_bytes());
+        }
+    }
+    battle.check("patterns", before);
+}
+
+#[test]
+fn half_letters_and_silent_connections_do_not_keep_others_out() {
+    assert!(
+        allow_files(SILENT as u64 + 500),
+        "{SILENT} connections are not allowed"
+    );
+    attack_in_silence(SILENT);
+}
+
+/// With ten thousand, in a process whose limit allows that.
+#[test]
+#[ignore = "opens 10,000 connections"]
+fn ten_thousand_silent_connections_do_not_keep_others_out() {
+    assert!(allow_files(10_500), "10,000 connections are not allowed");
+    attack_in_silence(10_000);
+}
+
+fn attack_in_silence(count: usize) {
+    let battle = Battle::begin();
+    let before = battle.round_trip();
+    let mut open = Vec::new();
+    for n in 0..count {
+        let mut stream = battle.connect();
+        if n % 4 == 0 {
+            let _ = stream.write_all(b"\xfe\x00\x10half a letter");
+        }
+        open.push(stream);
+    }
+    battle.check(&format!("{count} silent connections"), before);
+}
+
+#[test]
+fn an_agent_that_never_reads_costs_others_nothing() {
+    let battle = Battle::begin();
+    let before = battle.round_trip();
+    let platform = Platform::attach_to(&battle.daemon.control).unwrap();
+    let _deaf = platform.agent("deaf@robot2").unwrap();
+    let sender = platform.agent("sender@robot2").unwrap();
+    let content = "x".repeat(10_000);
+    let mut full = false;
+    for _ in 0..20_000 {
+        let message = Message::new(Performative::Inform).to("deaf@robot2");
+        full |= sender.try_send(message.content(content.clone())).is_err();
+    }
+    assert!(
+        full,
+        "there is no end to what an agent may send to one that never reads"
+    );
+    battle.check("an agent that never reads", before);
+}
+
+/// Numbers that look random, the same each time.
+fn scramble(seed: u64) -> impl FnMut() -> u64 {
+    let mut state = seed;
+    move || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        state >> 33
+    }
+}
