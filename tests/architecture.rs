@@ -22,7 +22,13 @@ const MACHINES: &[&str] = &[
     "hiac",
     "robot-text",
 ];
-const DATA: &[&str] = &["fipa-codec", "fipa-protocol", "fipa-sl", "fipa-acl"];
+const DATA: &[&str] = &[
+    "fipa-codec",
+    "fipa-protocol",
+    "fipa-sl",
+    "fipa-actions",
+    "fipa-acl",
+];
 
 /// Those that have a module that reads XML.
 const XML: &[&str] = &["fipa-codec", "fipa-protocol"];

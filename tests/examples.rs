@@ -63,6 +63,75 @@ fn balaro_goes_on_over_the_ice_when_its_control_unit_fails() {
     assert_eq!(ended.output, lines);
 }
 
+#[test]
+fn the_best_bidder_that_lives_gets_the_contract() {
+    let ended = Process::start(example("contract_net")).wait();
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let lines: Vec<&str> = ended.output.iter().map(String::as_str).collect();
+    let of = |part: &str| {
+        let found = lines.iter().filter(|line| line.contains(part));
+        found.copied().collect::<Vec<&str>>()
+    };
+    assert_eq!(
+        lines[..2],
+        [
+            "master@robot1 -> 20 bidders: cfp carry the payload to the dock",
+            "robot3 fails",
+        ]
+    );
+    assert_eq!(of(": propose ").len(), 14);
+    let lost = of("no proposal: ");
+    assert_eq!(lost.len(), 6);
+    assert!(lost.iter().all(|line| line.ends_with("@robot3 is gone")));
+    // What robot3 had proposed was better: 4 minutes.
+    assert_eq!(
+        of("7 minutes")[0],
+        "bidder13@robot2 -> master@robot1: propose 7 minutes"
+    );
+    assert_eq!(
+        of(": accept-proposal"),
+        ["master@robot1 -> bidder13@robot2: accept-proposal"]
+    );
+    assert_eq!(of(": reject-proposal").len(), 13);
+    assert_eq!(
+        lines.last(),
+        Some(&"bidder13@robot2 -> master@robot1: inform the payload is at the dock")
+    );
+}
+
+#[test]
+fn two_robots_dock_while_a_third_watches() {
+    let ended = Process::start(example("docking")).wait();
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert_eq!(
+        ended.output.join("\n"),
+        r#"crex: actions
+  approach(target: text, distance: number) "Drive towards another robot, up to so many metres."
+  turn(degrees: number) "Turn where it stands."
+  dock(target: text, emi: number) "Drive to an interface and lock it."
+sherpa: do approach(target: sherpa, distance: 0.5)
+crex: status
+  1 done approach(target: sherpa, distance: 0.5)
+sherpa: do turn(degrees: -12.5)
+crex: status
+  2 done turn(degrees: -12.5)
+sherpa: do dock(target: sherpa)
+refused by crex: emi is missing
+sherpa: do dock(target: sherpa, emi: 2)
+crex: status
+  3 done dock(target: sherpa, emi: 2)
+ground saw: 1 running 0% approach(target: sherpa, distance: 0.5)
+ground saw: 1 running 50% approach(target: sherpa, distance: 0.5)
+ground saw: 1 done approach(target: sherpa, distance: 0.5)
+ground saw: 2 running 0% turn(degrees: -12.5)
+ground saw: 2 running 50% turn(degrees: -12.5)
+ground saw: 2 done turn(degrees: -12.5)
+ground saw: 3 running 0% dock(target: sherpa, emi: 2)
+ground saw: 3 running 50% dock(target: sherpa, emi: 2)
+ground saw: 3 done dock(target: sherpa, emi: 2)"#
+    );
+}
+
 /// An example, which cargo builds beside the tests.
 fn example(name: &str) -> Command {
     let test = std::env::current_exe().unwrap();

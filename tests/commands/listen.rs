@@ -65,6 +65,52 @@ fn a_letter_shows_its_stamps_in_the_order_in_which_it_travelled() {
 }
 
 #[test]
+fn each_verdict_is_explained_on_request() {
+    let place = Place::new();
+    let daemon = place.start_with("robot1", &["--no-mdns"]);
+    let listen = ["listen", "--as", "drive@robot1", "--explain"];
+    let say = |act: &str| {
+        let words = ["send", "--to", "drive@robot1", "--from", "arm@robot1"];
+        let talk = ["--protocol", "fipa-request", "--conversation-id", "c-1"];
+        let ended = daemon.run(&[&words[..], &talk, &["--performative", act]].concat());
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+    };
+    let violation = "arm@robot1 may not send propose in the state requested of fipa-request; \
+                     expected: refuse, agree, inform or failure from participant (drive@robot1) \
+                     to initiator (arm@robot1)";
+
+    let people = daemon.attach_with(&[&listen[..], &["--count", "3"]].concat());
+    say("request");
+    say("propose");
+    send(&daemon, "drive@robot1", "by the way");
+    let ended = people.wait();
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert_eq!(ended.output.len(), 6, "{ended:?}");
+    assert_eq!(ended.output[0], "arm@robot1: request ");
+    assert_eq!(ended.output[1], "  accepted: requested");
+    assert_eq!(
+        ended.output[3],
+        format!("  violation [performative]: {violation}")
+    );
+    assert!(ended.output[5].starts_with("  not monitored"), "{ended:?}");
+
+    let mut programs = daemon.attach_with(&[&listen[..], &["--json"]].concat());
+    say("request");
+    assert_eq!(keys(&programs.json()), ["envelope", "message"]);
+    assert_eq!(
+        programs.error_line(),
+        r#"{"n":1,"verdict":"accepted","state":"requested","rule":null,"expected":[]}"#
+    );
+    say("propose");
+    programs.json();
+    let verdict: serde_json::Value = serde_json::from_str(&programs.error_line()).unwrap();
+    assert_eq!(verdict["verdict"], "violation");
+    assert_eq!(verdict["rule"], "performative");
+    assert_eq!(verdict["expected"].as_array().unwrap().len(), 4);
+    assert_eq!(verdict["expected"][0]["performative"], "refuse");
+}
+
+#[test]
 fn a_name_that_somebody_holds_ends_it_with_1() {
     let place = Place::new();
     let daemon = place.start_with("robot1", &["--no-mdns"]);

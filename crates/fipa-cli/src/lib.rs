@@ -18,6 +18,7 @@ mod exit;
 pub mod forms;
 mod json_values;
 mod streams;
+mod verdicts;
 
 pub use cli::{Cli, Command, main, run};
 pub use exit::Failure;

@@ -9,8 +9,8 @@ use fipa_link::ReceiverOutcome;
 use fipa_mts::{DeliveryFailure, Urgency};
 use tokio::sync::{Notify, oneshot};
 
+use crate::conversations::{Talk, Voice};
 use crate::platform::Inner;
-use crate::room::Room;
 use crate::{ReceiveError, RequestError, Sending, TrySendError, sending};
 
 /// How long the outcome of a letter is waited for unless another time is given.
@@ -26,9 +26,9 @@ pub struct Agent {
     name: Text,
     mail: Arc<Notify>,
     inbox: Mutex<Inbox>,
-    room: Room,
     conversations: AtomicU64,
     registered: AtomicBool,
+    pub(crate) talk: Arc<Talk>,
 }
 
 /// Letters that are looked through for an answer and kept for `receive`, at most. The others wait in
@@ -53,8 +53,7 @@ struct Expected {
 
 impl Inbox {
     /// Takes a letter in: an answer for whoever waits for it, anything else for `receive`.
-    fn sort(&mut self, letter: Letter) {
-        let message = read(&letter);
+    fn sort(&mut self, letter: Letter, message: Result<Message, String>) {
         self.expected
             .retain(|expected| !expected.answer.is_closed());
         let waiting = message.as_ref().ok().and_then(|message| {
@@ -85,23 +84,24 @@ impl Inbox {
     }
 
     /// Whether another letter is to be looked at: for an answer, or for `receive` to have one.
-    fn has_room(&self) -> bool {
+    fn has_room(&self, others_wait: bool) -> bool {
         let kept: usize = self.messages.iter().map(VecDeque::len).sum();
-        let waited_for = self.expected.iter().any(|e| !e.answer.is_closed());
+        let waited_for = others_wait || self.expected.iter().any(|e| !e.answer.is_closed());
         kept < if waited_for { LOOKED_THROUGH } else { 1 }
     }
 }
 
 impl Agent {
     pub(crate) fn new(platform: Arc<Inner>, name: Text, mail: Arc<Notify>) -> Agent {
+        let talk = Talk::new(name.clone(), platform.clock, Arc::clone(&mail));
         Agent {
             platform,
             name,
             mail,
             inbox: Mutex::default(),
-            room: Room::default(),
             conversations: AtomicU64::new(0),
             registered: AtomicBool::new(true),
+            talk: Arc::new(talk),
         }
     }
 
@@ -134,7 +134,10 @@ impl Agent {
         timeout: Duration,
     ) -> Vec<ReceiverOutcome> {
         message.sender.get_or_insert_with(|| (&self.name).into());
-        sending::send(&self.platform, &self.room, message, timeout).await
+        if let Err(refused) = self.talk.outgoing(&self.platform, &message) {
+            return refused;
+        }
+        sending::send(&self.platform, &self.talk.room, message, timeout).await
     }
 
     /// Hands a message over without waiting, and says at once when there is no room for it. What
@@ -142,7 +145,10 @@ impl Agent {
     /// unless the platform is a daemon's: that waits for room.
     pub fn try_send(&self, mut message: Message) -> Result<Sending, TrySendError> {
         message.sender.get_or_insert_with(|| (&self.name).into());
-        sending::try_send(&self.platform, &self.room, message, DEFAULT_TIMEOUT)
+        if let Err(refused) = self.talk.outgoing(&self.platform, &message) {
+            return Ok(Sending::known(refused));
+        }
+        sending::try_send(&self.platform, &self.talk.room, message, DEFAULT_TIMEOUT)
     }
 
     /// The next message. Cancel-safe: nothing is lost when the future is dropped.
@@ -203,7 +209,10 @@ impl Agent {
             .backend
             .with(|_, _, hub| hub.forget_mail(name));
         let mut inbox = self.lock();
-        letters.into_iter().for_each(|letter| inbox.sort(letter));
+        for letter in letters {
+            let message = read(&letter);
+            inbox.sort(letter, message);
+        }
         std::iter::from_fn(|| inbox.pop()).collect()
     }
 
@@ -279,7 +288,7 @@ impl Agent {
     }
 
     /// A tag for a conversation, unique in the network as long as the agent's name is.
-    fn tag(&self) -> Expression {
+    pub(crate) fn tag(&self) -> Expression {
         let number = self.conversations.fetch_add(1, Ordering::Relaxed);
         let started = self.platform.clock.now().unix_millis;
         Expression::from(format!("{}-{started:x}-{number}", self.name))
@@ -290,12 +299,47 @@ impl Agent {
         let mut inbox = self.lock();
         let name = &self.name;
         let take = || self.platform.backend.with(|_, m, _| m.take_mail(name));
-        while inbox.has_room()
-            && let Some(letter) = take()
-        {
-            inbox.sort(letter);
+        let mut is_read = false;
+        while inbox.has_room(self.talk.takes_mail()) {
+            let Some(letter) = take() else {
+                is_read = true;
+                break;
+            };
+            let message = match read(&letter) {
+                Ok(message) => match self.talk.incoming(&self.platform, message) {
+                    Some(message) => Ok(message),
+                    None => continue,
+                },
+                unreadable => unreadable,
+            };
+            inbox.sort(letter, message);
+        }
+        // Those that went have said what they had to say, or nobody is going to read it.
+        if is_read || self.talk.takes_mail() {
+            self.talk.mail_is_read(&self.platform);
         }
         inbox
+    }
+
+    /// Takes the mail in, for those who wait for their part of it.
+    pub(crate) fn take_mail_in(&self) {
+        drop(self.sort_mail());
+    }
+
+    /// What is notified when mail comes.
+    pub(crate) fn mail(&self) -> &Notify {
+        &self.mail
+    }
+
+    pub(crate) fn has_ended(&self) -> bool {
+        self.platform.backend.with(|_, _, hub| hub.has_ended())
+    }
+
+    pub(crate) fn voice(&self) -> Voice {
+        Voice {
+            platform: Arc::clone(&self.platform),
+            talk: Arc::clone(&self.talk),
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, Inbox> {

@@ -23,7 +23,10 @@ use fipa_directory::{PatternError, Record};
 use fipa_link::ReceiverOutcome;
 use tokio::runtime::Runtime;
 
-use crate::{Error, Incoming, PlatformBuilder, ReceiveError, RequestError, TrySendError};
+use crate::{
+    ConversationError, Error, Incoming, Monitoring, PlatformBuilder, ReceiveError, RequestError,
+    TrySendError,
+};
 
 /// A [`Platform`](crate::Platform) with a thread of its own.
 #[derive(Clone)]
@@ -146,6 +149,42 @@ impl Agent {
     /// Sends a message to one agent and waits for its answer until the deadline.
     pub fn request(&self, message: Message, deadline: Duration) -> Result<Message, RequestError> {
         self.runtime.block_on(self.agent.request(message, deadline))
+    }
+
+    /// Has another agent do something, and waits for the end of it
+    /// ([`perform`](crate::Agent::perform)).
+    pub fn perform(
+        &self,
+        order: Message,
+        deadline: Duration,
+    ) -> Result<Message, ConversationError> {
+        self.runtime.block_on(self.agent.perform(order, deadline))
+    }
+
+    /// Asks another agent a question, and waits for its answer ([`query`](crate::Agent::query)).
+    pub fn query(
+        &self,
+        question: Message,
+        deadline: Duration,
+    ) -> Result<Message, ConversationError> {
+        self.runtime.block_on(self.agent.query(question, deadline))
+    }
+
+    /// Proposes something to another agent, and waits until it has accepted
+    /// ([`propose`](crate::Agent::propose)).
+    pub fn propose(
+        &self,
+        proposal: Message,
+        deadline: Duration,
+    ) -> Result<Message, ConversationError> {
+        self.runtime
+            .block_on(self.agent.propose(proposal, deadline))
+    }
+
+    /// What becomes of messages that violate their interaction protocols
+    /// ([`set_monitoring`](crate::Agent::set_monitoring)).
+    pub fn set_monitoring(&self, monitoring: Monitoring) {
+        self.agent.set_monitoring(monitoring);
     }
 }
 

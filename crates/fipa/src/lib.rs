@@ -41,6 +41,7 @@ pub mod blocking;
 mod builder;
 mod clock;
 mod control_path;
+mod conversations;
 mod discovery;
 mod error;
 mod greet;
@@ -53,10 +54,15 @@ mod sending;
 pub use agent::{Agent, DEFAULT_TIMEOUT, Incoming};
 pub use builder::PlatformBuilder;
 pub use control_path::default_control_path;
+pub use conversations::{
+    Answer, Contracts, ConversationError, ConversationEvent, ConversationEvents, Monitoring, Order,
+    Responder, Subscription, Violated, Violations,
+};
 pub use error::{Error, ReceiveError, RequestError, TrySendError};
 pub use fipa_acl::{
     AgentId, Envelope, Expression, FipaTime, Letter, Message, Performative, Text, UserDefined,
 };
+pub use fipa_conversation::{Event, EventKind, Expected, Rule, Violation};
 pub use fipa_directory::{
     Address, Change, ChangeKind, Entry, Field, InstanceId, Location, Now, Pattern, PatternError,
     Record, Source, State,
@@ -66,6 +72,7 @@ pub use fipa_dsd::{
 };
 pub use fipa_link::{Facts, Outcome, PeerFacts, ReceiverOutcome};
 pub use fipa_mts::{DeliveryFailure, Notice, RegisterError, Registration};
+pub use fipa_protocol::{Library, Outcome as ConversationOutcome};
 pub use greet::{GreetError, Greeting, greet};
 pub use platform::{Changes, Notices, Platform};
 pub use sending::Sending;

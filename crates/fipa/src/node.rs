@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
-use fipa_directory::{Address, Change, Now};
+use fipa_directory::{Address, Change, ChangeKind, Now};
 use fipa_link::{Facts, ReceiverOutcome};
 use fipa_mts::{
     Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, RegisterError,
@@ -16,6 +16,7 @@ use fipa_transport::{Buffers, Driver, End, Handle, Listener, Stream};
 use tokio::sync::{Notify, mpsc, oneshot};
 
 use crate::clock::Clock;
+use crate::conversations::Talk;
 use crate::room::Place;
 
 /// A machine with what runs it.
@@ -40,7 +41,7 @@ struct State<M> {
 #[derive(Default)]
 pub(crate) struct Hub {
     next_ticket: u64,
-    outcomes: HashMap<u64, (oneshot::Sender<Vec<ReceiverOutcome>>, Place)>,
+    outcomes: HashMap<u64, (oneshot::Sender<Vec<ReceiverOutcome>>, Option<Place>)>,
     registrations: HashMap<u64, oneshot::Sender<Result<(), RegisterError>>>,
     leaves: HashMap<u64, oneshot::Sender<Vec<Letter>>>,
     mail: HashMap<Text, Arc<Notify>>,
@@ -48,6 +49,7 @@ pub(crate) struct Hub {
     notices: Vec<mpsc::UnboundedSender<Notice>>,
     facts: Vec<oneshot::Sender<Facts>>,
     verify: Option<mpsc::UnboundedSender<Announced>>,
+    talks: Vec<Weak<Talk>>,
     ended: bool,
 }
 
@@ -55,7 +57,7 @@ impl Hub {
     /// A ticket for a letter, and where its outcomes will come. Until then it takes its place.
     pub(crate) fn expect_outcome(
         &mut self,
-        place: Place,
+        place: Option<Place>,
     ) -> (u64, oneshot::Receiver<Vec<ReceiverOutcome>>) {
         let (sender, receiver) = oneshot::channel();
         self.next_ticket += 1;
@@ -104,6 +106,12 @@ impl Hub {
             self.changes.push(sender);
         }
         receiver
+    }
+
+    /// The conversations of an agent are told from now on who goes.
+    pub(crate) fn tell_departures(&mut self, talk: Weak<Talk>) {
+        self.talks.retain(|talk| talk.strong_count() > 0);
+        self.talks.push(talk);
     }
 
     pub(crate) fn notices(&mut self) -> mpsc::UnboundedReceiver<Notice> {
@@ -315,6 +323,10 @@ fn tell(hub: &mut Hub, output: Output) {
             }
         }
         Output::Directory(change) => {
+            if change.kind == ChangeKind::Removed {
+                let talks = hub.talks.iter().filter_map(Weak::upgrade);
+                talks.for_each(|talk| talk.departed(&change.record.entry.name));
+            }
             hub.changes
                 .retain(|listener| listener.send(change.clone()).is_ok());
         }

@@ -12,9 +12,9 @@ use fipa_link::{Outcome, ReceiverOutcome};
 use fipa_mts::Submission;
 use tokio::sync::oneshot;
 
-use crate::TrySendError;
 use crate::platform::Inner;
 use crate::room::{Place, Room};
+use crate::{DEFAULT_TIMEOUT, TrySendError};
 
 /// The parameter of a message that becomes the envelope's: how urgent the letter is.
 const PRIORITY: &str = "Priority";
@@ -32,6 +32,16 @@ pub struct Sending {
 enum Stage {
     Known(Vec<ReceiverOutcome>),
     UnderWay(oneshot::Receiver<Vec<ReceiverOutcome>>),
+}
+
+impl Sending {
+    /// What is known without anything being handed over.
+    pub(crate) fn known(outcomes: Vec<ReceiverOutcome>) -> Sending {
+        Sending {
+            receivers: Vec::new(),
+            stage: Stage::Known(outcomes),
+        }
+    }
 }
 
 impl Future for Sending {
@@ -95,10 +105,7 @@ pub(crate) fn try_send(
     };
     let mut sending = match write(platform, message.clone()) {
         Ok(written) => hand_over(platform, written, timeout, false, place),
-        Err(outcomes) => Sending {
-            receivers: Vec::new(),
-            stage: Stage::Known(outcomes),
-        },
+        Err(outcomes) => Sending::known(outcomes),
     };
     // What is known at once tells whether there was room on this platform.
     if let Stage::UnderWay(outcomes) = &mut sending.stage
@@ -136,7 +143,7 @@ fn hand_over(
     place: Place,
 ) -> Sending {
     let outcomes = platform.backend.with(|now, machine, hub| {
-        let (ticket, outcomes) = hub.expect_outcome(place);
+        let (ticket, outcomes) = hub.expect_outcome(Some(place));
         let submission = Submission {
             reply_by: written.reply_by,
             patient,
@@ -159,7 +166,23 @@ fn named(outcomes: Vec<ReceiverOutcome>, receivers: &[AgentId]) -> Vec<ReceiverO
     }
 }
 
-fn failed(receivers: &[AgentId], outcome: Outcome, reason: &str) -> Vec<ReceiverOutcome> {
+/// Sends a message of which nobody waits to learn what became.
+pub(crate) fn post(platform: &Inner, message: Message) {
+    let now = platform.clock.now().unix_millis;
+    match letter(message, now) {
+        Ok(letter) => platform.backend.with(|now, machine, hub| {
+            let (ticket, _) = hub.expect_outcome(None);
+            machine.submit(now, Submission::new(ticket, letter, DEFAULT_TIMEOUT));
+        }),
+        Err(reason) => tracing::warn!("a message cannot be written: {reason}"),
+    }
+}
+
+pub(crate) fn failed(
+    receivers: &[AgentId],
+    outcome: Outcome,
+    reason: &str,
+) -> Vec<ReceiverOutcome> {
     let one = |to: Text| ReceiverOutcome {
         to,
         outcome,

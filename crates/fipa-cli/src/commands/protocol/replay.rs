@@ -3,14 +3,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fipa_acl::Message;
-use fipa_conversation::{Conversation, Expected, Verdict, Violation};
+use fipa_conversation::{Conversation, Verdict, Violation};
 use fipa_directory::Now;
 use fipa_json::message_from_json;
 use fipa_protocol::{Library, Protocol};
-use serde_json::{Value, json};
 
 use crate::json_values::JsonValues;
-use crate::{Failure, streams};
+use crate::{Failure, streams, verdicts};
 
 /// The options of `fipa protocol replay`.
 #[derive(Clone, Debug, clap::Args)]
@@ -92,15 +91,13 @@ fn unfinished(conversation: &Conversation, messages: usize) -> String {
 
 fn accepted(
     args: &Args,
-    n: usize,
+    n: u64,
     message: &Message,
     state: &str,
     output: &mut dyn Write,
 ) -> Result<(), Failure> {
     if args.json {
-        let line =
-            json!({"n": n, "verdict": "accepted", "state": state, "rule": null, "expected": []});
-        writeln!(output, "{line}")?;
+        writeln!(output, "{}", verdicts::accepted(n, state))?;
     } else {
         writeln!(output, "{n}  {}  {state}", said(message))?;
     }
@@ -109,39 +106,22 @@ fn accepted(
 
 fn violated(
     args: &Args,
-    n: usize,
+    n: u64,
     message: &Message,
     violation: &Violation,
     output: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let Violation {
-        rule,
-        state,
-        text,
-        expected,
-    } = violation;
     if args.json {
-        let expected: Vec<Value> = expected.iter().map(expected_to_json).collect();
-        let line = json!({
-            "n": n,
-            "verdict": "violation",
-            "state": state.as_str(),
-            "rule": rule.as_str(),
-            "expected": expected,
-        });
-        writeln!(output, "{line}")?;
+        writeln!(output, "{}", verdicts::violated(n, violation))?;
     } else {
-        writeln!(output, "{n}  {}  violation [{rule}]: {text}", said(message))?;
+        writeln!(
+            output,
+            "{n}  {}  violation [{}]: {violation}",
+            said(message),
+            violation.rule
+        )?;
     }
     Ok(())
-}
-
-fn expected_to_json(expected: &Expected) -> Value {
-    json!({
-        "performative": expected.performative.as_str(),
-        "from": expected.from.as_str(),
-        "to": expected.to.as_str(),
-    })
 }
 
 /// `a -> b, c: act`.
