@@ -357,7 +357,12 @@ impl Machine {
                 taken.map_or_else(|| stays(id), |t| stays(t.target()))
             }
             Go::Proxied | Go::CancelFailed => stays(id),
-            Go::Nothing => branch.map_or_else(|| stays(id), |branch| branch.label(&self.protocol)),
+            Go::Nothing => {
+                let mut played = self.played();
+                played
+                    .next()
+                    .map_or_else(|| stays(id), |branch| branch.label(&self.protocol))
+            }
             Go::Cancel => Text::from_static("cancelling"),
             Go::Cancelled => Text::from_static("cancelled"),
             Go::NotUnderstood => Text::from_static("not-understood"),

@@ -434,6 +434,27 @@ fn a_contract_net_of_20_bidders_is_one_conversation() {
 }
 
 #[test]
+fn a_failure_from_outside_leaves_those_who_answered_where_they_are() {
+    let mut monitor = monitor(Config::default());
+    let message = |act| {
+        Message::new(act)
+            .protocol("fipa-request")
+            .conversation_id("c-1")
+    };
+    let arms = "(arm|b)";
+    monitor.observe(
+        at(0),
+        &message(Performative::Request).from_agent("arm").to(arms),
+    );
+    let answer = message(Performative::Refuse).from_agent("b").to("arm");
+    assert_eq!(accepted(monitor.observe(at(0), &answer)), "refused");
+    let outside = message(Performative::Failure)
+        .from_agent("mts@r2")
+        .to("arm");
+    assert_eq!(accepted(monitor.observe(at(0), &outside)), "refused");
+}
+
+#[test]
 fn expressions_for_receivers_are_not_compiled_without_bound() {
     let everybody = (0..20_000).fold(Message::new(Performative::Inform), |all, n| {
         all.to(format!("(a|b){{50}}{n}.*"))
