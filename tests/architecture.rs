@@ -10,7 +10,8 @@ const GROUPS: [&[&str]; 6] = [TESTS, PROGRAMS, DOOR, SOCKETS, MACHINES, DATA];
 const TESTS: &[&str] = &["fipa-sim", "fipa-benches"];
 const PROGRAMS: &[&str] = &["fipa-programs", "fipa-daemon", "fipa-cli", "fipa-json"];
 const DOOR: &[&str] = &["fipa"];
-const SOCKETS: &[&str] = &["fipa-transport", "fipa-dsd"];
+/// Those that talk to the system: sockets, mDNS, files.
+const SOCKETS: &[&str] = &["fipa-transport", "fipa-dsd", "fipa-outbox"];
 const MACHINES: &[&str] = &[
     "fipa-mts",
     "fipa-link",
@@ -74,7 +75,7 @@ const RESERVED_WORDS: [Reserved; 5] = [
     },
 ];
 
-const RESERVED_DEPENDENCIES: [Reserved; 4] = [
+const RESERVED_DEPENDENCIES: [Reserved; 5] = [
     Reserved {
         words: &["mdns-sd", "simple-dns"],
         to: &[&["fipa-dsd"]],
@@ -82,6 +83,10 @@ const RESERVED_DEPENDENCIES: [Reserved; 4] = [
     Reserved {
         words: &["quick-xml"],
         to: &[XML],
+    },
+    Reserved {
+        words: &["redb"],
+        to: &[&["fipa-outbox"]],
     },
     Reserved {
         words: &["serde", "serde_json", "toml"],

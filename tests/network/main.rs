@@ -11,6 +11,7 @@ mod hostile;
 mod joining;
 mod losing;
 mod names;
+mod outbox;
 mod patterns;
 mod text;
 mod wires;

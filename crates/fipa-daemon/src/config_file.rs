@@ -4,6 +4,7 @@
 //! an option takes; `options::value` does.
 
 mod entry;
+mod outbox;
 mod place;
 mod suggestion;
 
@@ -23,7 +24,7 @@ use suggestion::nearest;
 pub const DEFAULT_CONFIG: &str = include_str!("default_config.toml");
 
 /// The keys, in the order of the options.
-pub(crate) const KEYS: [&str; 15] = [
+pub(crate) const KEYS: [&str; 16] = [
     "name",
     "listen",
     "advertise",
@@ -39,10 +40,11 @@ pub(crate) const KEYS: [&str; 15] = [
     "hiac-address",
     "text",
     "max-letter",
+    "state",
 ];
 
 /// The tables, which have no option.
-const TABLES: [&str; 2] = ["hiac-devices", "hiac-aliases"];
+const TABLES: [&str; 3] = ["hiac-devices", "hiac-aliases", "outbox"];
 
 /// What a file says.
 pub(crate) fn load(file: &Path) -> Result<Layer, OptionsError> {
@@ -73,11 +75,11 @@ struct Wrong {
 }
 
 impl Wrong {
-    fn key(key: &Spanned<impl AsRef<str>>) -> Wrong {
+    /// A key that is none of those that are known.
+    fn key(key: &Spanned<impl AsRef<str>>, known: &[&'static str]) -> Wrong {
         let name = key.get_ref().as_ref();
         let mut problem = format!("unknown key {name:?}");
-        let known: Vec<&str> = KEYS.into_iter().chain(TABLES).collect();
-        if let Some(known) = nearest(name, &known) {
+        if let Some(known) = nearest(name, known) {
             problem += &format!(" (did you mean {known:?}?)");
         }
         Wrong {
@@ -130,17 +132,19 @@ fn put(
         "hiac" => layer.hiac = Some(entry.list(value::hiac_endpoint)?),
         "hiac-address" => layer.hiac_address = entry.text(optional(value::hiac_workgroup))?,
         "hiac-devices" => {
-            let devices = entry.table(value::hiac_address, value::name)?;
+            let devices = entry.strings(value::hiac_address, value::name)?;
             layer.hiac_names.get_or_insert_default().devices = devices;
         }
         "hiac-aliases" => {
             let agent = |text: &str| value::name(text).map(Text::from);
-            let aliases = entry.table(value::hiac_address, agent)?;
+            let aliases = entry.strings(value::hiac_address, agent)?;
             layer.hiac_names.get_or_insert_default().aliases = aliases;
         }
         "text" => layer.text = Some(entry.list(value::text_endpoint)?),
         "max-letter" => layer.max_letter = Some(entry.number(value::letter_size)?),
-        _ => return Err(Wrong::key(key)),
+        "state" => layer.state = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
+        "outbox" => layer.outbox = Some(outbox::read(&entry)?),
+        _ => return Err(Wrong::key(key, &[&KEYS[..], &TABLES].concat())),
     }
     Ok(())
 }

@@ -19,6 +19,7 @@ pub(crate) mod value;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use fipa::OutboxConfig;
 use fipa_directory::Address;
 use fipa_dsd::{DEFAULT_AGENTS, InterfaceSelector, MDNS_PORT};
 use fipa_gateway::HiacNames;
@@ -70,6 +71,11 @@ pub struct Options {
     pub text: Vec<Endpoint>,
     /// Octets of the largest letter that is taken, at least 1.
     pub max_letter: usize,
+    /// The directory for what survives a restart: letters for robots that are away. Without it
+    /// nothing is stored.
+    pub state: Option<PathBuf>,
+    /// How many letters are stored there, and for how long.
+    pub outbox: OutboxConfig,
 }
 
 impl Default for Options {
@@ -91,6 +97,8 @@ impl Default for Options {
             hiac_names: HiacNames::default(),
             text: Vec::new(),
             max_letter: 256 << 20,
+            state: None,
+            outbox: OutboxConfig::default(),
         }
     }
 }

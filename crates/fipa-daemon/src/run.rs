@@ -59,6 +59,10 @@ async fn platform(options: &Options) -> Result<Platform, Error> {
         .mdns_port(options.mdns_port)
         .control(&options.control)
         .max_letter(options.max_letter);
+    builder = builder.outbox(options.outbox.clone());
+    if let Some(directory) = &options.state {
+        builder = builder.state(directory);
+    }
     if let Some(name) = &options.name {
         builder = builder.name(name);
     }

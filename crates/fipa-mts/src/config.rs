@@ -4,6 +4,8 @@ use fipa_acl::Text;
 use fipa_codec::Limits;
 use fipa_directory::{Address, InstanceId};
 
+use crate::OutboxConfig;
+
 /// What a message transport service is made with.
 #[derive(Clone, Debug)]
 pub struct Config {
@@ -33,6 +35,9 @@ pub struct Config {
     pub max_connections: usize,
     /// Those of one address among them.
     pub max_connections_an_address: usize,
+    /// What is stored for robots that are away; `None`: nothing. The host must do what
+    /// [`Output::Store`](crate::Output::Store) asks for.
+    pub outbox: Option<OutboxConfig>,
     /// Seed of the jitter.
     pub seed: u64,
 }
@@ -58,6 +63,7 @@ impl Config {
             queue_octets: 64 << 20,
             max_connections: 4096,
             max_connections_an_address: 1024,
+            outbox: None,
             seed,
         }
     }

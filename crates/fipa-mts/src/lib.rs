@@ -27,6 +27,7 @@ mod failure;
 mod machine;
 mod mailbox;
 mod mts;
+mod outbox;
 mod pieces;
 mod program;
 mod urgency;
@@ -39,5 +40,6 @@ pub use machine::{
 };
 pub use mailbox::{Mailbox, MailboxFull};
 pub use mts::Mts;
+pub use outbox::{OutboxConfig, StoredLetter};
 pub use program::Program;
 pub use urgency::Urgency;

@@ -6,6 +6,8 @@ use fipa_acl::{Letter, Text};
 use fipa_directory::{Address, Change, Directory, InstanceId, MESSAGE_TRANSPORT, Now};
 use fipa_link::{Facts, Outcome, ReceiverOutcome};
 
+use crate::StoredLetter;
+
 /// A connection, numbered by whoever opens the sockets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ConnId(pub u64);
@@ -200,6 +202,11 @@ pub enum Output {
     Mail(Text),
     /// The directory changed.
     Directory(Change),
+    /// Store this letter so that it survives a crash, and say how that went by
+    /// [`Mts::stored`](crate::Mts::stored).
+    Store(StoredLetter),
+    /// Remove this letter from the store; it comes after its [`Output::Store`].
+    Unstore(u64),
     /// Ask the network whether this is still there: it is announced but does not answer.
     Verify(Announced),
     /// Something for the log.
@@ -264,6 +271,24 @@ pub enum Notice {
         /// Why not.
         reason: Text,
     },
+    /// A letter for a robot that is away could not be stored.
+    NotStored {
+        /// The receiver.
+        to: Text,
+        /// Why.
+        reason: Text,
+    },
+    /// A letter is given up that was stored for a robot that is away.
+    StoredLetterDropped {
+        /// Its sender.
+        from: Text,
+        /// The receiver.
+        to: Text,
+        /// How many octets it has.
+        octets: usize,
+        /// Why.
+        reason: Text,
+    },
     /// The daemon is there (again); told to programs.
     DaemonUp,
     /// The daemon is not there; it is looked for.
@@ -299,6 +324,18 @@ impl fmt::Display for Notice {
             Notice::NotAnnounced { name, reason } => {
                 write!(f, "{name} is not announced to C++ robots: {reason}")
             }
+            Notice::NotStored { to, reason } => {
+                write!(f, "a letter for {to} cannot be stored: {reason}")
+            }
+            Notice::StoredLetterDropped {
+                from,
+                to,
+                octets,
+                reason,
+            } => write!(
+                f,
+                "a stored letter of {octets} octets from {from} for {to} is dropped: {reason}"
+            ),
             Notice::DaemonUp => f.write_str("the daemon is there"),
             Notice::DaemonLost { reason } => write!(f, "the daemon is lost: {reason}"),
             Notice::DaemonGivenUp { reason } => write!(f, "no daemon: {reason}"),

@@ -18,6 +18,7 @@ use crate::machine::{
 };
 use crate::mailbox::{Lately, TIDY};
 use crate::mts::record_of;
+use crate::outbox::{Copies, LetterId};
 use crate::pieces::{joined, read_envelope};
 use crate::{Mailbox, ProgramConfig};
 
@@ -48,6 +49,9 @@ pub struct Program {
     ever_open: bool,
     announced: bool,
     agents: HashMap<Text, Attached>,
+    /// Letters of other platforms that our agents have got: a daemon that was started anew does not
+    /// know what the one before it has delivered.
+    copies: Copies,
     /// Attach requests that wait for their answers: the name, and the ticket of the first time.
     requests: HashMap<u64, (Text, Option<u64>)>,
     /// Detach requests of agents whose mail is wanted: the ticket, and the name.
@@ -97,6 +101,7 @@ impl Program {
             ever_open: false,
             announced: false,
             agents: HashMap::new(),
+            copies: Copies::default(),
             requests: HashMap::new(),
             leaving: HashMap::new(),
             letters: HashMap::new(),
@@ -245,12 +250,17 @@ impl Program {
 
     fn put_into_mailboxes(&mut self, now: Now, letter: Letter) -> Vec<ReceiverOutcome> {
         let mut outcomes = Vec::new();
+        let copy = LetterId::of_copy(&letter.envelope);
         for receiver in letter.envelope.intended_receiver() {
             let name = &receiver.name;
             let told = match self.agents.get_mut(name) {
                 None => outcome(name, Outcome::Unknown, "the program has no such agent"),
+                Some(agent) if self.copies.has(&agent.registration.name, copy) => {
+                    outcome(name, Outcome::Delivered, "")
+                }
                 Some(agent) => match agent.mailbox.push(letter.clone()) {
                     Ok(()) => {
+                        self.copies.put(&agent.registration.name, copy);
                         self.outputs.push_back(Output::Mail(name.clone()));
                         if self.lately.note(name) {
                             self.tidy_at = Some(now.mono + TIDY);

@@ -29,6 +29,7 @@
 
 mod agents;
 mod dial;
+mod disk;
 mod events;
 mod faults;
 mod net;

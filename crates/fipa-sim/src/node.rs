@@ -10,6 +10,7 @@ use fipa_mts::{
     Announced, Config, ConnId, Machine, Mts, Notice, Program, ProgramConfig, RegisterError,
 };
 
+use crate::disk::Disk;
 use crate::events::Event;
 use crate::robot::Robot;
 
@@ -94,6 +95,7 @@ pub(crate) struct Node {
     pub(crate) reading: bool,
     /// Tickets of the letters that this run has submitted.
     pub(crate) submitted: Vec<u64>,
+    pub(crate) disk: Disk,
     pub(crate) collected: Collected,
 }
 
@@ -116,6 +118,7 @@ impl Node {
             settling: false,
             reading: true,
             submitted: Vec::new(),
+            disk: Disk::default(),
             collected: Collected::default(),
         }
     }

@@ -71,11 +71,13 @@ impl Sim {
 
     pub(crate) fn start(&mut self, node: NodeId) {
         let now = self.now;
+        let stored = self.read_disk(node);
         let starting = &mut self.nodes[node.0];
         starting.run += 1;
         starting.running = match starting.recipe.clone() {
             Recipe::Daemon(config) => {
                 let mut mts = Mts::new(*config);
+                mts.restore(now, stored);
                 for peer in &starting.peers {
                     mts.add_peer(now, peer.clone());
                 }

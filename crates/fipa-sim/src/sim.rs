@@ -6,6 +6,7 @@ use std::time::Duration;
 use fipa_directory::{Address, Now};
 use fipa_mts::{Announced, ConnId, Ended, Machine, Output};
 
+use crate::disk::Write;
 use crate::events::{Event, Queue};
 use crate::net::{Network, Stream, Wish};
 use crate::node::{Node, NodeId, Running, Told};
@@ -240,6 +241,8 @@ impl Sim {
                 assert!(before.is_none(), "{node:?}: ticket {ticket} was told twice");
                 self.open_tickets = self.open_tickets.saturating_sub(1);
             }
+            Output::Store(letter) => self.write_disk(node, Write::Store(Box::new(letter))),
+            Output::Unstore(key) => self.write_disk(node, Write::Unstore(key)),
             output => self.collect(node, output),
         }
     }

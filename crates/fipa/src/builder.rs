@@ -1,10 +1,12 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId};
 use fipa_dsd::{DEFAULT_AGENTS, InterfaceSelector, MDNS_PORT, MdnsConfig};
-use fipa_mts::{Config, Mts};
+use fipa_mts::{Config, Mts, OutboxConfig};
+use fipa_outbox::Opened;
 use fipa_transport::Listener;
 
 use crate::addresses::{self, reached_at, socket_address};
@@ -32,6 +34,8 @@ pub struct PlatformBuilder {
     mdns_agents: usize,
     control: Option<PathBuf>,
     max_letter: Option<usize>,
+    state: Option<PathBuf>,
+    outbox: OutboxConfig,
 }
 
 impl PlatformBuilder {
@@ -48,6 +52,8 @@ impl PlatformBuilder {
             mdns_agents: DEFAULT_AGENTS,
             control: None,
             max_letter: None,
+            state: None,
+            outbox: OutboxConfig::default(),
         }
     }
 
@@ -130,12 +136,29 @@ impl PlatformBuilder {
         self
     }
 
+    /// The directory in which letters are stored whose receiver's robot is away when their deadline
+    /// passes; they are sent when it is there again, after a restart too. It is made where it is
+    /// missing, and belongs to one platform at a time. Default: none, and nothing is stored.
+    #[must_use]
+    pub fn state(mut self, directory: impl Into<PathBuf>) -> PlatformBuilder {
+        self.state = Some(directory.into());
+        self
+    }
+
+    /// How many letters are stored, and for how long; without [`state`](Self::state) of no use.
+    #[must_use]
+    pub fn outbox(mut self, limits: OutboxConfig) -> PlatformBuilder {
+        self.outbox = limits;
+        self
+    }
+
     /// Binds, announces, and begins to dial. To be called within a tokio runtime.
     pub async fn start(self) -> Result<Platform, Error> {
         let mut octets = [0; 16];
         getrandom::fill(&mut octets).map_err(|error| Error::Random(error.to_string()))?;
         let instance = InstanceId::from_bytes(octets);
         let listeners = self.bind().await?;
+        let outbox = self.state.as_ref().map(fipa_outbox::open).transpose()?;
         let control = self.bind_control().await?;
         let bound: Vec<Address> = listeners.iter().map(|l| l.address().clone()).collect();
         let endpoints = self.endpoints(&bound)?;
@@ -149,8 +172,12 @@ impl PlatformBuilder {
             config.max_letter = max;
             config.limits.max_octets = max;
         }
+        config.outbox = outbox.is_some().then_some(self.outbox);
         let clock = Clock::start();
         let node = Node::start(clock, Mts::new(config), Hub::default());
+        if let Some(outbox) = outbox {
+            start_outbox(&node, outbox)?;
+        }
         let mut tasks = Vec::new();
         for listener in listeners {
             tasks.push(tokio::spawn(node.clone().accept_from(listener, false)));
@@ -259,4 +286,19 @@ impl PlatformBuilder {
         })?;
         Ok(Some(discovery))
     }
+}
+
+/// Hands over what an earlier run has stored, and begins to store.
+fn start_outbox(node: &Arc<Node<Mts>>, mut outbox: Opened) -> Result<(), Error> {
+    let letters = outbox.take_letters();
+    let service = Arc::downgrade(node);
+    let stored = move |key, result: Result<(), String>| {
+        if let Some(node) = service.upgrade() {
+            let result = result.map_err(Text::from);
+            node.with(|now, mts, _| mts.stored(now, key, result));
+        }
+    };
+    node.set_store(outbox.start(stored).map_err(Error::Runtime)?);
+    node.with(|now, mts, _| mts.restore(now, letters));
+    Ok(())
 }

@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use fipa_directory::ParseAddressError;
 use fipa_dsd::MdnsError;
 use fipa_mts::RegisterError;
+use fipa_outbox::OpenError;
 use fipa_transport::BindError;
 
 /// Why a platform or an agent could not be made.
@@ -21,6 +22,9 @@ pub enum Error {
     /// Another daemon answers at the control socket.
     #[error("another daemon answers at {}", .0.display())]
     ControlInUse(PathBuf),
+    /// The letters that an earlier run has stored cannot be read, or none can be stored.
+    #[error(transparent)]
+    Outbox(#[from] OpenError),
     /// mDNS cannot be spoken.
     #[error("mDNS: {0}")]
     Mdns(#[from] MdnsError),

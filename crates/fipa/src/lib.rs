@@ -71,7 +71,8 @@ pub use fipa_dsd::{
     HeardDaemon, InterfaceProbe, InterfaceSelector, MDNS_PORT, Multicast, probe as probe_mdns,
 };
 pub use fipa_link::{Facts, Outcome, PeerFacts, ReceiverOutcome};
-pub use fipa_mts::{DeliveryFailure, Notice, RegisterError, Registration};
+pub use fipa_mts::{DeliveryFailure, Notice, OutboxConfig, RegisterError, Registration};
+pub use fipa_outbox::OpenError as OutboxError;
 pub use fipa_protocol::{Library, Outcome as ConversationOutcome};
 pub use greet::{GreetError, Greeting, greet};
 pub use platform::{Changes, Notices, Platform};

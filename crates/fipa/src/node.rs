@@ -12,6 +12,7 @@ use fipa_link::{Facts, ReceiverOutcome};
 use fipa_mts::{
     Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, RegisterError,
 };
+use fipa_outbox::Store;
 use fipa_transport::{Buffers, Driver, End, Handle, Listener, Stream};
 use tokio::sync::{Notify, mpsc, oneshot};
 
@@ -35,6 +36,8 @@ struct State<M> {
     /// When the timer task is going to call.
     scheduled: Option<Duration>,
     hub: Hub,
+    /// Where letters for robots that are away are stored, if anywhere.
+    store: Option<Store>,
 }
 
 /// Who waits for what.
@@ -167,6 +170,7 @@ impl<M: Machine + Send + 'static> Node<M> {
                 next_conn: 0,
                 scheduled: None,
                 hub,
+                store: None,
             }),
             clock,
             buffers: Arc::default(),
@@ -185,6 +189,21 @@ impl<M: Machine + Send + 'static> Node<M> {
         let result = call(self.clock.now(), &mut state.machine, &mut state.hub);
         self.act(state, None);
         result
+    }
+
+    /// Gives the machine its store.
+    pub(crate) fn set_store(&self, store: Store) {
+        self.lock().store = Some(store);
+    }
+
+    /// Writes what waits for the disk, and closes the store.
+    pub(crate) async fn close_store(&self) {
+        let store = self.lock().store.take();
+        if let Some(store) = store {
+            // The thread of the store may be about to tell the machine something.
+            let closed = self.runtime.spawn_blocking(move || store.close());
+            let _ = closed.await;
+        }
     }
 
     /// Runs a stream that was accepted.
@@ -281,6 +300,16 @@ impl<M: Machine + Send + 'static> Node<M> {
                         handle.abort();
                     }
                 }
+                Output::Store(letter) => {
+                    if let Some(store) = &state.store {
+                        store.put(letter);
+                    }
+                }
+                Output::Unstore(key) => {
+                    if let Some(store) = &state.store {
+                        store.remove(key);
+                    }
+                }
                 output => tell(&mut state.hub, output),
             }
         }
@@ -350,7 +379,9 @@ fn tell(hub: &mut Hub, output: Output) {
         | Output::Transmit(_)
         | Output::Close(_)
         | Output::Finish(_)
-        | Output::Abort(_) => {}
+        | Output::Abort(_)
+        | Output::Store(_)
+        | Output::Unstore(_) => {}
     }
 }
 

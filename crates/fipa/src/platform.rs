@@ -272,6 +272,9 @@ impl Platform {
             .backend
             .wait_closed(std::time::Duration::from_secs(1))
             .await;
+        if let Backend::Service(node) = &self.inner.backend {
+            node.close_store().await;
+        }
     }
 }
 

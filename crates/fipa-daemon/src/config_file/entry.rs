@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use fipa_directory::Address;
 use toml::Spanned;
-use toml::de::DeValue;
+use toml::de::{DeTable, DeValue};
 
 use super::Wrong;
 use crate::options::value;
@@ -41,14 +41,11 @@ impl Entry<'_> {
     }
 
     /// A table of strings.
-    pub(super) fn table<K: Ord, V>(
+    pub(super) fn strings<K: Ord, V>(
         &self,
         read_key: impl Fn(&str) -> Result<K, String>,
         read: impl Fn(&str) -> Result<V, String>,
     ) -> Result<BTreeMap<K, V>, Wrong> {
-        let DeValue::Table(table) = self.value.get_ref() else {
-            return Err(self.not("a table", self.value));
-        };
         let pair = |(key, value): (&Spanned<_>, &Spanned<DeValue<'_>>)| {
             let name: &std::borrow::Cow<'_, str> = key.get_ref();
             let known = read_key(name).map_err(|problem| Wrong {
@@ -63,7 +60,7 @@ impl Entry<'_> {
                 _ => Err(self.not("a table of strings only", value)),
             }
         };
-        table.iter().map(pair).collect()
+        self.table()?.iter().map(pair).collect()
     }
 
     /// `true` or `false`.
@@ -83,6 +80,14 @@ impl Entry<'_> {
             .map_err(|_| format!("{digits} is negative or too large"));
         let read = number.and_then(read);
         read.map_err(|problem| self.bad(self.value, &problem))
+    }
+
+    /// A table.
+    pub(super) fn table(&self) -> Result<&DeTable<'_>, Wrong> {
+        match self.value.get_ref() {
+            DeValue::Table(table) => Ok(table),
+            _ => Err(self.not("a table", self.value)),
+        }
     }
 
     /// The endpoints. None at all would be a daemon that nobody can reach.

@@ -29,6 +29,8 @@ pub(super) fn layer(env: impl Fn(&str) -> Option<String>) -> Result<Layer, Optio
         hiac_names: None,
         text: list(env, "FIPAD_TEXT", value::text_endpoint)?,
         max_letter: one(env, "FIPAD_MAX_LETTER", value::letter_size_text)?,
+        state: said(env, "FIPAD_STATE").map(PathBuf::from),
+        outbox: None,
     })
 }
 

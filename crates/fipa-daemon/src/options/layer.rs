@@ -1,5 +1,6 @@
 use std::path::PathBuf;
 
+use fipa::OutboxConfig;
 use fipa_directory::Address;
 use fipa_dsd::InterfaceSelector;
 use fipa_gateway::HiacNames;
@@ -67,6 +68,14 @@ pub(crate) struct Layer {
     /// The size of the largest letter that is taken [default: 268435456]
     #[arg(long, value_name = "BYTES", value_parser = value::letter_size_text)]
     pub(crate) max_letter: Option<usize>,
+    /// The directory for letters to robots that are away, which are sent when those are back;
+    /// without it none are stored [default: none]
+    // As for the name, empty in a file stands for the default.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) state: Option<PathBuf>,
+    /// The table of the file that has no option.
+    #[arg(skip)]
+    pub(crate) outbox: Option<OutboxConfig>,
 }
 
 impl Layer {
@@ -89,6 +98,8 @@ impl Layer {
             hiac_names: self.hiac_names.or(weaker.hiac_names),
             text: self.text.or(weaker.text),
             max_letter: self.max_letter.or(weaker.max_letter),
+            state: self.state.or(weaker.state),
+            outbox: self.outbox.or(weaker.outbox),
         }
     }
 
@@ -113,6 +124,8 @@ impl Layer {
             hiac_names: self.hiac_names.unwrap_or(default.hiac_names),
             text: self.text.unwrap_or(default.text),
             max_letter: self.max_letter.unwrap_or(default.max_letter),
+            state: self.state.filter(|path| !path.as_os_str().is_empty()),
+            outbox: self.outbox.unwrap_or(default.outbox),
         }
     }
 }

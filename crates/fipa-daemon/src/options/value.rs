@@ -11,6 +11,9 @@ use robot_text::links::{Endpoint, EndpointError};
 /// The scope is announced in a TXT string of 255 octets that begins with `scope=`.
 const LONGEST_SCOPE: usize = 249;
 
+/// A year.
+const MOST_HOURS: u64 = 366 * 24;
+
 /// Links count the octets of a frame in 32 bits; this leaves room for what stands before a letter.
 const LARGEST_LETTER: u64 = 4_000_000_000;
 
@@ -132,6 +135,21 @@ pub(crate) fn letter_size(number: u64) -> Result<usize, String> {
         Ok(size) if (1..=LARGEST_LETTER).contains(&number) => Ok(size),
         _ => Err(format!(
             "{number} is no size of a letter; sizes are 1 to {LARGEST_LETTER}"
+        )),
+    }
+}
+
+/// A number of letters or octets that may be 0.
+pub(crate) fn amount(number: u64) -> Result<usize, String> {
+    usize::try_from(number).map_err(|_| format!("{number} is too large"))
+}
+
+/// How long a letter is stored.
+pub(crate) fn hours(number: u64) -> Result<u64, String> {
+    match number {
+        1..=MOST_HOURS => Ok(number),
+        _ => Err(format!(
+            "{number} is no time to store a letter; it is 1 to {MOST_HOURS} hours"
         )),
     }
 }

@@ -75,6 +75,22 @@ fn wrong_places_in_the_file_are_named() {
         ("mdns-port = 65536", "1:13: mdns-port: 65536 is not a port"),
         ("mdns-port = 0", "1:13: mdns-port: 0 is not a port"),
         (
+            "[outbox]\nletter = 1",
+            r#"2:1: unknown key "letter" (did you mean "letters"?)"#,
+        ),
+        (
+            "[outbox]\nhours = 0",
+            "2:9: hours: 0 is no time to store a letter; it is 1 to 8784 hours",
+        ),
+        (
+            "[outbox]\nbytes = '1'",
+            "2:9: bytes: this takes a whole number, not a string",
+        ),
+        (
+            "outbox = 1",
+            "1:10: outbox: this takes a table, not a whole number",
+        ),
+        (
             "max-letter = -1",
             "1:14: max-letter: -1 is negative or too large",
         ),
@@ -135,7 +151,7 @@ fn wrong_options_are_one_line() {
             "unrecognized subcommand 'dmeo' (did you mean 'demo'?)",
         ),
         (&["--http", "a:1"], "unexpected argument '--http' found"),
-        (&["--state", "d"], "unexpected argument '--state' found"),
+        (&["--store", "d"], "unexpected argument '--store' found"),
         (
             &["--listen"],
             "a value is required for '--listen <URL|HOST:PORT>' but none was supplied",

@@ -1,3 +1,6 @@
+use std::time::Duration;
+
+use fipa::OutboxConfig;
 use fipa_daemon::options::{DEFAULT_CONFIG, Options};
 use fipa_gateway::HiacNames;
 use hiac::Mask;
@@ -78,6 +81,8 @@ fn every_option_can_be_given_in_every_source() {
             "serial:///dev/ttyUSB0?baud=9600".parse().unwrap(),
         ],
         max_letter: 1000,
+        state: Some("/var/lib/fipad".into()),
+        outbox: OutboxConfig::default(),
     };
     let words = "--name robot1 --listen tcp://0.0.0.0:4100 --listen unix:///a \
                  --advertise tcp://robot1:4100 --scope plant --interface wlan0 \
@@ -86,7 +91,8 @@ fn every_option_can_be_given_in_every_source() {
                  --control /run/x.sock --json --hiac tcp://127.0.0.1:0?listen \
                  --hiac serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05 \
                  --hiac-address 20:C4:D2:00/00:00:00:FF --text udp://127.0.0.1:5000 \
-                 --text serial:///dev/ttyUSB0?baud=9600 --max-letter 1000";
+                 --text serial:///dev/ttyUSB0?baud=9600 --max-letter 1000 \
+                 --state /var/lib/fipad";
     let words: Vec<&str> = words.split_whitespace().collect();
     assert_eq!(line(&words).options(), wanted);
     let text = r#"
@@ -105,6 +111,7 @@ fn every_option_can_be_given_in_every_source() {
         hiac-address = "20:C4:D2:00/00:00:00:FF"
         text = ["udp://127.0.0.1:5000", "serial:///dev/ttyUSB0?baud=9600"]
         max-letter = 1_000
+        state = "/var/lib/fipad"
     "#;
     assert_eq!(file(text).options(), wanted);
     let variables = [
@@ -129,8 +136,23 @@ fn every_option_can_be_given_in_every_source() {
             "udp://127.0.0.1:5000,serial:///dev/ttyUSB0?baud=9600",
         ),
         ("FIPAD_MAX_LETTER", "1000"),
+        ("FIPAD_STATE", "/var/lib/fipad"),
     ];
     assert_eq!(env(&variables).options(), wanted);
+}
+
+#[test]
+fn the_limits_of_what_is_stored_have_a_table_of_their_own() {
+    let outbox = file("[outbox]\nletters = 5\nhours = 48").options().outbox;
+    let wanted = OutboxConfig {
+        letters: 5,
+        age: Duration::from_secs(48 * 3600),
+        ..OutboxConfig::default()
+    };
+    assert_eq!(outbox, wanted);
+    let text = "outbox = { bytes = 6, total-bytes = 7 }";
+    let outbox = file(text).options().outbox;
+    assert_eq!((outbox.octets, outbox.total_octets), (6, 7));
 }
 
 #[test]
@@ -178,9 +200,9 @@ fn the_default_file_is_the_defaults() {
         .lines()
         .filter_map(|line| line.strip_prefix('#'));
     let keys: Vec<&str> = keys
-        .filter(|line| line.starts_with(char::is_alphabetic))
+        .filter(|line| line.starts_with(|c: char| c.is_alphabetic() || c == '['))
         .collect();
-    assert_eq!(keys.len(), 15);
+    assert_eq!(keys.len(), 23);
     let text = keys.join("\n");
     let given = Given {
         file: Some(&text),

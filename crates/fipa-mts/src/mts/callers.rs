@@ -228,7 +228,7 @@ impl Mts {
         octets: usize,
         outcomes: &[ReceiverOutcome],
     ) {
-        let failed = |told: &&ReceiverOutcome| !told.outcome.is_success();
+        let failed = |told: &&ReceiverOutcome| !told.outcome.is_success() && !Mts::is_stored(told);
         for told in outcomes.iter().filter(failed) {
             let ReceiverOutcome {
                 to,

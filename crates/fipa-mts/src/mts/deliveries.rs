@@ -14,6 +14,7 @@ use super::routing::{Inbound, Terms};
 use super::seen::SeenLetter;
 use super::{Mts, Timer};
 use crate::machine::{ConnId, Output, REPLY_BY};
+use crate::outbox::LetterId;
 use crate::pieces::read_envelope;
 use crate::{MailboxFull, Urgency};
 
@@ -29,7 +30,11 @@ pub(super) enum Origin {
         instance: InstanceId,
         conn: ConnId,
         id: u64,
+        /// It had been stored, and has this id.
+        late: Option<LetterId>,
     },
+    /// The outbox, in which the letter has this key.
+    Outbox(u64),
     /// Nobody over a link: it came over a connection of its own, from there, with so many octets.
     /// Its sender is told of failures by notices.
     Caller {
@@ -53,17 +58,19 @@ pub(super) struct Pending {
 /// A copy of a letter for one receiver.
 #[derive(Debug)]
 pub(super) struct Delivery {
-    pending: u64,
-    slot: usize,
+    pub(super) pending: u64,
+    pub(super) slot: usize,
     pub(super) target: Target,
     /// The connection it went out on; `None` while it waits.
     sent: Option<ConnId>,
     pub(super) parts: Vec<Bytes>,
     /// What is needed where it may go to a service of another make.
     pub(super) foreign: Option<Box<Foreign>>,
-    deadline: Duration,
+    pub(super) deadline: Duration,
+    /// When it is looked at next.
+    pub(super) timer: Duration,
     /// After its deadline it is not to be sent any more.
-    expires: bool,
+    pub(super) expires: bool,
     /// Its sender waits for room where there is none.
     pub(super) patient: bool,
     /// In whose name it is, and how urgent it is.
@@ -84,6 +91,8 @@ pub(super) enum Target {
     Held,
     /// Nowhere yet: there is no room at the receiver.
     Full,
+    /// Nowhere yet: the receiver's robot is away.
+    Away,
 }
 
 impl Delivery {
@@ -110,7 +119,7 @@ impl Mts {
             return;
         };
         let id = frame.id;
-        let (origin, from, patterns) = match &open.partner {
+        let (mut origin, from, patterns) = match &open.partner {
             Partner::Unknown => return,
             Partner::Program { name, .. } => (Origin::Program { conn, id }, name.clone(), true),
             Partner::Daemon { instance, .. } => {
@@ -119,12 +128,27 @@ impl Mts {
                     return;
                 }
                 let name = self.peer_name(instance);
-                (Origin::Peer { instance, conn, id }, name, false)
+                let origin = Origin::Peer {
+                    instance,
+                    conn,
+                    id,
+                    late: None,
+                };
+                (origin, name, false)
             }
         };
         let mut parts = frame.parts.into_iter().collect();
         match read_envelope(&mut parts, &self.config.limits) {
             Ok((envelope, payload)) => {
+                if let Origin::Peer { instance, late, .. } = &mut origin {
+                    *late = Mts::late_letter(*instance, id, &envelope);
+                    let instance = *instance;
+                    if let Some(letter) = *late
+                        && self.arrived_before(now, letter, (instance, conn, id))
+                    {
+                        return;
+                    }
+                }
                 let inbound = Inbound {
                     payload,
                     parts,
@@ -159,12 +183,29 @@ impl Mts {
                 true
             }
             Some(SeenLetter::Pending(pending)) => {
-                if let Some(pending) = self.pending.get_mut(&pending) {
-                    pending.origin = Origin::Peer { instance, conn, id };
-                }
+                let late = match self.pending.get(&pending).map(|p| &p.origin) {
+                    Some(Origin::Peer { late, .. }) => *late,
+                    _ => None,
+                };
+                let origin = Origin::Peer {
+                    instance,
+                    conn,
+                    id,
+                    late,
+                };
+                self.repoint(pending, origin);
                 true
             }
         }
+    }
+
+    /// Has somebody else told what becomes of a letter; whether that is not told already.
+    pub(super) fn repoint(&mut self, pending: u64, origin: Origin) -> bool {
+        let Some(pending) = self.pending.get_mut(&pending) else {
+            return false;
+        };
+        pending.origin = origin;
+        true
     }
 
     /// Begins to collect the outcomes of a letter.
@@ -175,9 +216,15 @@ impl Mts {
         name: impl Fn(&R) -> Text,
     ) -> u64 {
         let pending = self.id();
-        if let Origin::Peer { instance, id, .. } = origin {
+        if let Origin::Peer {
+            instance, id, late, ..
+        } = origin
+        {
             let seen = self.seen.entry(instance).or_default();
             seen.set(id, SeenLetter::Pending(pending));
+            if let Some(late) = late {
+                self.late.set(late, SeenLetter::Pending(pending));
+            }
         }
         self.pending.insert(
             pending,
@@ -245,12 +292,21 @@ impl Mts {
                 self.outputs.push_back(Output::Outcome { ticket, outcomes });
             }
             Origin::Program { conn, id } => self.send(now, conn, Frame::Receipt { id, outcomes }),
-            Origin::Peer { instance, conn, id } => {
+            Origin::Peer {
+                instance,
+                conn,
+                id,
+                late,
+            } => {
+                if let Some(late) = late {
+                    self.late.set(late, SeenLetter::Done(outcomes.clone()));
+                }
                 if let Some(seen) = self.seen.get_mut(&instance) {
                     seen.set(id, SeenLetter::Done(outcomes.clone()));
                 }
                 self.send(now, conn, Frame::Receipt { id, outcomes });
             }
+            Origin::Outbox(key) => self.outbox_told(now, key, &outcomes),
             Origin::Caller {
                 from,
                 octets,
@@ -263,33 +319,19 @@ impl Mts {
         }
     }
 
+    /// Sends a copy on its way: its number, which is that of our stamp on it, and where its outcome
+    /// belongs.
     pub(super) fn deliver(
         &mut self,
         now: Now,
-        (pending, slot): (u64, usize),
+        place: (u64, u64, usize),
         target: Target,
         parts: Vec<Bytes>,
         foreign: Option<Box<Foreign>>,
         terms: &Terms,
     ) {
-        let id = self.id();
-        let deadline = now.mono + terms.timeout;
-        let delivery = Delivery {
-            pending,
-            slot,
-            target,
-            sent: None,
-            parts,
-            foreign,
-            deadline,
-            expires: terms.expires,
-            patient: terms.patient,
-            sender: terms.sender.clone(),
-            urgency: terms.urgency,
-            via: None,
-        };
-        self.deliveries.insert(id, delivery);
-        self.timer(deadline, Timer::Delivery(id));
+        let (id, _, _) = place;
+        self.add_delivery(now, place, target, parts, foreign, terms);
         if terms.patient && target != Target::Full && self.is_waited_for(id) {
             return self.wait_for_room(now, id, Text::default());
         }
@@ -299,11 +341,49 @@ impl Mts {
             Target::Seed(seed) => self.queue_for_seed(now, seed, id),
             Target::Post => self.post(now, id),
             Target::Held => self.hold(now, id),
+            Target::Away => self.wait_for_robot(now, id),
             Target::Full => {
                 let reason = Text::from(MailboxFull.to_string());
                 self.wait_for_room(now, id, reason);
             }
         }
+    }
+
+    /// Begins to look after a copy.
+    pub(super) fn add_delivery(
+        &mut self,
+        now: Now,
+        (id, pending, slot): (u64, u64, usize),
+        target: Target,
+        parts: Vec<Bytes>,
+        foreign: Option<Box<Foreign>>,
+        terms: &Terms,
+    ) {
+        let deadline = now.mono + terms.timeout;
+        let delivery = Delivery {
+            pending,
+            slot,
+            target,
+            sent: None,
+            parts,
+            foreign,
+            deadline,
+            timer: self.first_look(deadline, terms.timeout),
+            expires: terms.expires,
+            patient: terms.patient,
+            sender: terms.sender.clone(),
+            urgency: terms.urgency,
+            via: None,
+        };
+        self.timer(delivery.timer, Timer::Delivery(id));
+        self.deliveries.insert(id, delivery);
+    }
+
+    /// Whether a copy was stored, and its sender told so.
+    pub(super) fn is_from_outbox(&self, id: u64) -> bool {
+        let pending = self.deliveries.get(&id).map(|delivery| delivery.pending);
+        let pending = pending.and_then(|pending| self.pending.get(&pending));
+        pending.is_some_and(|pending| matches!(pending.origin, Origin::Outbox(_)))
     }
 
     /// Writes a copy to a connection.
@@ -412,8 +492,7 @@ impl Mts {
         let Some(delivery) = self.deliveries.remove(&id) else {
             return;
         };
-        self.timers
-            .remove(&(delivery.deadline, Timer::Delivery(id)));
+        self.timers.remove(&(delivery.timer, Timer::Delivery(id)));
         let octets = delivery.octets();
         self.forget_waiting(now, id, &delivery);
         let Delivery {
@@ -425,6 +504,7 @@ impl Mts {
             ..
         } = delivery;
         self.settle(now, pending, slot, outcome, via, reason);
+        self.outbox_forgets(now, id);
         if let (Target::Post, Some(foreign)) = (target, foreign) {
             self.post_ended(now, id, &foreign, octets);
         }
@@ -437,7 +517,7 @@ impl Mts {
     }
 
     /// A copy that has ended does not wait any more.
-    fn forget_waiting(&mut self, now: Now, id: u64, ended: &Delivery) {
+    pub(super) fn forget_waiting(&mut self, now: Now, id: u64, ended: &Delivery) {
         if let (Target::Peer(instance), None) = (ended.target, ended.sent)
             && let Some(peer) = self.peers.get_mut(instance)
         {
@@ -457,9 +537,8 @@ impl Mts {
     pub(super) fn renew(&mut self, id: u64) -> Option<u64> {
         let delivery = self.deliveries.remove(&id)?;
         let renewed = self.id();
-        self.timers
-            .remove(&(delivery.deadline, Timer::Delivery(id)));
-        self.timer(delivery.deadline, Timer::Delivery(renewed));
+        self.timers.remove(&(delivery.timer, Timer::Delivery(id)));
+        self.timer(delivery.timer, Timer::Delivery(renewed));
         self.deliveries.insert(renewed, delivery);
         Some(renewed)
     }
@@ -472,10 +551,19 @@ impl Mts {
     }
 
     pub(super) fn delivery_timeout(&mut self, now: Now, id: u64) {
+        let deadline = self.deliveries.get(&id).map(|delivery| delivery.deadline);
+        if deadline.is_some_and(|deadline| now.mono < deadline) {
+            self.look_ahead(now, id);
+            return;
+        }
+        if self.is_kept_for_later(now, id) {
+            return;
+        }
         let Some(delivery) = self.deliveries.get(&id) else {
             return;
         };
         let (target, sent) = (delivery.target, delivery.sent);
+        let written = delivery.was_written();
         let reason = match (target, sent) {
             (Target::Program(_), _) => "its program did not take the letter in time".to_owned(),
             (Target::Peer(instance), Some(_)) => {
@@ -492,8 +580,10 @@ impl Mts {
                 let reason = self.full_reason(id);
                 return self.finish(now, id, Outcome::Refused, reason);
             }
+            (Target::Away, _) => self.away_reason(id),
         };
-        let under_way = sent.is_some() || self.is_being_posted(id);
+        // Also one that waits for another link: who had the first may have got it.
+        let under_way = written || self.is_being_posted(id);
         if delivery.expires && !under_way {
             let reason = Text::from(format!("{REPLY_BY}: {reason}"));
             self.finish(now, id, Outcome::Expired, reason);

@@ -10,9 +10,11 @@ mod doors;
 mod duplicates;
 mod facts;
 mod gossip;
+mod late;
 mod moves;
 mod neighbours;
 mod notices;
+mod outbox;
 mod peer;
 mod peers;
 mod posting;
@@ -41,8 +43,10 @@ use self::deliveries::{Delivery, Origin, Pending};
 use self::dialling::Purpose;
 use self::doors::Doors;
 use self::gossip::Gossip;
+use self::late::Late;
 use self::moves::Held;
 use self::neighbours::Neighbour;
+use self::outbox::Outbox;
 use self::peer::Peers;
 use self::posting::Post;
 use self::programs::Local;
@@ -93,13 +97,14 @@ pub struct Mts {
     backlog: Backlog,
     /// Agents in whose mailboxes letters came lately.
     lately: Lately,
+    outbox: Outbox,
+    late: Late,
     timers: BTreeSet<(Duration, Timer)>,
     outputs: VecDeque<Output>,
     random: fastrand::Rng,
     next_id: u64,
     /// What the numbers of our stamps begin with.
     own_stamp: String,
-    stamps: u64,
     closing: bool,
 }
 
@@ -117,6 +122,7 @@ enum Timer {
     /// There may be room for letters to this receiver.
     Room(Text),
     Mailboxes,
+    Outbox,
 }
 
 impl Mts {
@@ -143,12 +149,13 @@ impl Mts {
             held: Held::default(),
             backlog: Backlog::default(),
             lately: Lately::default(),
+            outbox: Outbox::default(),
+            late: Late::default(),
             timers: BTreeSet::new(),
             outputs: VecDeque::new(),
             random: fastrand::Rng::with_seed(config.seed),
             next_id: 0,
             own_stamp: format!("{}:", config.instance),
-            stamps: 0,
             closing: false,
             config,
         }
@@ -237,6 +244,7 @@ impl Machine for Mts {
                 Timer::Gossip => self.gossip_timeout(now),
                 Timer::Room(receiver) => self.room_timeout(now, &receiver),
                 Timer::Mailboxes => self.tidy_mailboxes(),
+                Timer::Outbox => self.outbox_timeout(now),
             }
         }
         self.directory.handle_timeout(now);

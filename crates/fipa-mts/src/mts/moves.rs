@@ -123,6 +123,7 @@ impl Mts {
                 self.held.put(name, since + MOVING, id, octets);
                 self.timer(since + MOVING, Timer::Held);
             }
+            _ if self.may_wait(now, id) => self.wait_for_robot(now, id),
             _ => self.nobody_here(now, id),
         }
     }
@@ -137,7 +138,7 @@ impl Mts {
                 } else {
                     let here = &self.config.name;
                     let reason = format!("the agent has gone, and {here} knows it nowhere else");
-                    self.finish(now, id, Outcome::Unknown, Text::from(reason));
+                    self.wait_or_finish(now, id, Outcome::Unknown, Text::from(reason));
                 }
             }
         }
@@ -148,6 +149,7 @@ impl Mts {
         for id in self.held.take(name) {
             self.reroute(now, id);
         }
+        self.run_outbox(now, name);
     }
 
     /// Starts a copy anew that nobody has taken, to where its receiver is now.
@@ -218,7 +220,7 @@ impl Mts {
                 continue;
             };
             if delivery.was_written() || self.route_to(&name).is_none() {
-                self.finish(now, id, Outcome::Timeout, Text::from(reason));
+                self.wait_or_finish(now, id, Outcome::Timeout, Text::from(reason));
             } else {
                 self.reroute(now, id);
             }

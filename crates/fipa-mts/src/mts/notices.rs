@@ -45,11 +45,20 @@ impl Returnable {
             },
         }
     }
+
+    /// A letter out of the store, which does not tell how it came.
+    pub(super) fn stored(envelope: Envelope, payload: Bytes) -> Returnable {
+        Returnable {
+            envelope,
+            payload,
+            dialect: Dialect::Standard,
+        }
+    }
 }
 
 impl Mts {
     /// Tells the sender of a letter of each receiver that it did not get to: one notice each. Not
-    /// where it travelled in circles, nor where a notice is not wanted.
+    /// where it travelled in circles or is stored, nor where a notice is not wanted.
     pub(super) fn return_letter(
         &mut self,
         now: Now,
@@ -59,6 +68,7 @@ impl Mts {
         let failed: Vec<(Text, Text)> = outcomes
             .iter()
             .filter(|told| !told.outcome.is_success() && !told.reason.starts_with(LOOP))
+            .filter(|told| !Mts::is_stored(told))
             .flat_map(|told| failures(&letter.envelope, told))
             .take(MAX_NOTICES)
             .collect();

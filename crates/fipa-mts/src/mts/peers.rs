@@ -179,6 +179,7 @@ impl Mts {
             self.keep_one_link(now, instance);
         }
         self.flush_waiting(now, instance);
+        self.run_whole_outbox(now);
     }
 
     /// A link to a peer ended, with letters on it that have no receipt yet.
@@ -257,6 +258,7 @@ impl Mts {
         } else {
             let via = self.conn_via(conn);
             self.notice(Notice::PeerUp { name, via });
+            self.run_whole_outbox(now);
         }
     }
 

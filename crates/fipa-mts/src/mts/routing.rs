@@ -95,6 +95,8 @@ pub(super) enum Route {
     Addresses(Vec<Address>),
     /// It has just left, and may turn up elsewhere.
     Held,
+    /// Its robot is away.
+    Away,
     Nowhere(Outcome, Text),
 }
 
@@ -192,6 +194,9 @@ impl Mts {
         if self.is_moving(now, &receiver.name) {
             return vec![(receiver.clone(), Route::Held)];
         }
+        if self.is_away(now, &receiver.name) {
+            return vec![(receiver.clone(), Route::Away)];
+        }
         if !patterns {
             let here = &self.config.name;
             return nowhere(format!("no agent of this name is known at {here}"));
@@ -283,7 +288,10 @@ impl Mts {
         terms: &Terms,
     ) {
         let name = to.name.clone();
+        let id = self.id();
         let (target, addresses) = match route {
+            // Those that wait for it go first.
+            Route::Peer(_) | Route::Program(_) if self.outbox.has(&name) => (Target::Away, None),
             Route::Nowhere(outcome, reason) => {
                 self.settle(now, pending, slot, outcome, None, reason);
                 return;
@@ -292,7 +300,7 @@ impl Mts {
                 (Target::Full, None)
             }
             Route::Mailbox => {
-                let overlay = self.overlay(now, inbound, to);
+                let overlay = self.overlay(now, id, inbound, to);
                 self.put_into_mailbox(now, pending, slot, inbound, overlay, &name);
                 return;
             }
@@ -305,8 +313,9 @@ impl Mts {
                 (Target::Seed(seed), Some(addresses))
             }
             Route::Held => (Target::Held, None),
+            Route::Away => (Target::Away, None),
         };
-        let overlay = self.overlay(now, inbound, to.clone());
+        let overlay = self.overlay(now, id, inbound, to.clone());
         let mut head = Encoded::new();
         if let Err(error) = bit_efficient::encode_overlay(&overlay, &mut head) {
             let reason = Text::from(error.to_string());
@@ -330,7 +339,7 @@ impl Mts {
                 transports: terms.transports.clone(),
             })
         });
-        self.deliver(now, (pending, slot), target, parts, foreign, terms);
+        self.deliver(now, (id, pending, slot), target, parts, foreign, terms);
     }
 
     fn put_into_mailbox(
@@ -377,8 +386,7 @@ impl Mts {
     }
 
     /// Our stamp, and the receiver that this copy is dedicated to where the letter had others.
-    fn overlay(&mut self, now: Now, inbound: &Inbound, to: AgentId) -> Slots {
-        self.stamps += 1;
+    fn overlay(&self, now: Now, id: u64, inbound: &Inbound, to: AgentId) -> Slots {
         let dedicated = match inbound.envelope.intended_receiver() {
             [only] => *only == to,
             _ => false,
@@ -388,7 +396,7 @@ impl Mts {
                 by: self.config.name.clone(),
                 from: inbound.from.clone(),
                 date: FipaTime::from_unix_millis(now.unix_millis),
-                id: Some(Text::from(format!("{}{}", self.own_stamp, self.stamps))),
+                id: Some(Text::from(format!("{}{id}", self.own_stamp))),
                 via: inbound.via.map(Text::from_static),
                 user_defined: Vec::new(),
             }),

@@ -34,6 +34,21 @@ impl Seen {
         self.letters.get(&id)
     }
 
+    /// The letters that have arrived, the latest first.
+    pub(super) fn arrived(&self) -> impl Iterator<Item = (u64, SeenLetter)> {
+        let known = |id: &u64| Some((*id, self.letters.get(id)?.clone()));
+        self.order
+            .iter()
+            .rev()
+            .filter_map(known)
+            .filter(|(_, letter)| {
+                let SeenLetter::Done(outcomes) = letter else {
+                    return false;
+                };
+                outcomes.iter().all(|told| told.outcome.is_success())
+            })
+    }
+
     pub(super) fn set(&mut self, id: u64, letter: SeenLetter) {
         if self.letters.insert(id, letter).is_none() {
             self.order.push_back(id);
@@ -65,7 +80,8 @@ impl Mts {
             .is_some_and(|at| now.mono >= at + self.config.longest_wait);
         let peer = self.peers.get(instance);
         if over && peer.is_none_or(|peer| peer.state == State::Gone) {
-            self.seen.remove(&instance);
+            let seen = self.seen.remove(&instance).unwrap_or_default();
+            self.late.take_over(instance, &seen);
         }
     }
 }
