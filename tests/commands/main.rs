@@ -11,5 +11,6 @@ mod listen;
 mod ping;
 mod protocol;
 mod send;
+mod sniff;
 mod text;
 mod translate;

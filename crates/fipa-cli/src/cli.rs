@@ -6,7 +6,7 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    agents, attach, decode, doctor, echo, encode, hiac, listen, ping, protocol, send, text,
+    agents, attach, decode, doctor, echo, encode, hiac, listen, ping, protocol, send, sniff, text,
 };
 use crate::{Failure, streams};
 
@@ -50,6 +50,8 @@ pub enum Command {
     Protocol(protocol::Args),
     /// Send a message, and say what became of it
     Send(Box<send::Args>),
+    /// Watch what passes the daemon, or read a letter log
+    Sniff(sniff::Args),
     /// Read and write the text format of small robots
     Text(text::Args),
 }
@@ -69,6 +71,7 @@ impl Command {
             Command::Ping(_) => "ping",
             Command::Protocol(_) => "protocol",
             Command::Send(_) => "send",
+            Command::Sniff(_) => "sniff",
             Command::Text(_) => "text",
         }
     }
@@ -86,6 +89,7 @@ impl Command {
             Command::Ping(args) => ping::run(args),
             Command::Protocol(args) => protocol::run(args),
             Command::Send(args) => send::run(args),
+            Command::Sniff(args) => sniff::run(args),
             Command::Text(args) => text::run(args),
         }
     }

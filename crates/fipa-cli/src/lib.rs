@@ -12,11 +12,13 @@
 //! `run` that opens the files.
 
 mod attached;
+pub mod chart;
 mod cli;
 pub mod commands;
 mod exit;
 pub mod forms;
 mod json_values;
+mod sniffed;
 mod streams;
 mod verdicts;
 

@@ -24,7 +24,7 @@ use suggestion::nearest;
 pub const DEFAULT_CONFIG: &str = include_str!("default_config.toml");
 
 /// The keys, in the order of the options.
-pub(crate) const KEYS: [&str; 16] = [
+pub(crate) const KEYS: [&str; 17] = [
     "name",
     "listen",
     "advertise",
@@ -39,6 +39,7 @@ pub(crate) const KEYS: [&str; 16] = [
     "hiac",
     "hiac-address",
     "text",
+    "log-letters",
     "max-letter",
     "state",
 ];
@@ -141,6 +142,7 @@ fn put(
             layer.hiac_names.get_or_insert_default().aliases = aliases;
         }
         "text" => layer.text = Some(entry.list(value::text_endpoint)?),
+        "log-letters" => layer.log_letters = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
         "max-letter" => layer.max_letter = Some(entry.number(value::letter_size)?),
         "state" => layer.state = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
         "outbox" => layer.outbox = Some(outbox::read(&entry)?),

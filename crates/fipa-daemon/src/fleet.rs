@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-use fipa::{Agent, DEFAULT_TIMEOUT, Message, Platform, ReceiveError, Registration, Text};
+use fipa::{Agent, DEFAULT_TIMEOUT, Inside, Message, Platform, ReceiveError, Registration, Text};
 use tokio::sync::mpsc;
 use tokio::task::AbortHandle;
 
@@ -65,6 +65,11 @@ impl Fleet {
     /// Whether an agent of this name is known.
     pub(crate) fn knows(&self, name: &str) -> bool {
         self.platform.find(name).is_some()
+    }
+
+    /// Shows a message between the daemon and a device to those who watch what passes.
+    pub(crate) fn passed_inside(&self, message: impl FnOnce() -> Inside) {
+        self.platform.passed_inside(message);
     }
 
     pub(crate) fn register(&mut self, registration: Registration) {

@@ -12,6 +12,7 @@ mod config_file;
 mod demo;
 mod fleet;
 mod hiac;
+mod letter_log;
 pub mod options;
 mod run;
 mod text;

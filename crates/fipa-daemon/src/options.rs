@@ -69,6 +69,8 @@ pub struct Options {
     pub hiac_names: HiacNames,
     /// Where agents of the text format are.
     pub text: Vec<Endpoint>,
+    /// The file to which what passes is written, if any.
+    pub log_letters: Option<PathBuf>,
     /// Octets of the largest letter that is taken, at least 1.
     pub max_letter: usize,
     /// The directory for what survives a restart: letters for robots that are away. Without it
@@ -96,6 +98,7 @@ impl Default for Options {
             hiac_address: None,
             hiac_names: HiacNames::default(),
             text: Vec::new(),
+            log_letters: None,
             max_letter: 256 << 20,
             state: None,
             outbox: OutboxConfig::default(),

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::hiac::{BindHiacError, HiacService};
+use crate::letter_log::{LetterLog, OpenLogError};
 use crate::options::Options;
 use crate::text::{BindTextError, TextService};
 
@@ -19,6 +20,8 @@ pub(crate) enum RunError {
     Text(#[from] BindTextError),
     #[error(transparent)]
     Hiac(#[from] BindHiacError),
+    #[error(transparent)]
+    Log(#[from] OpenLogError),
 }
 
 /// Runs the daemon until SIGINT or SIGTERM.
@@ -26,6 +29,10 @@ pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
     let mut interrupt = signal(SignalKind::interrupt()).map_err(Error::Runtime)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(Error::Runtime)?;
     let platform = platform(options).await?;
+    let log = match &options.log_letters {
+        Some(path) => Some(LetterLog::start(&platform, path)?),
+        None => None,
+    };
     let mut changes = platform.watch();
     let mut notices = platform.notices();
     let mut text = TextService::start(&platform, &options.text).await?;
@@ -48,6 +55,9 @@ pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
     hiac.end().await;
     tracing::info!("ends");
     platform.shutdown().await;
+    if let Some(log) = log {
+        log.wait().await;
+    }
     Ok(())
 }
 

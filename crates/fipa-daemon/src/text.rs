@@ -5,12 +5,15 @@
 //!         ◀── write ─────             ◀── deliver ─────────
 //! ```
 
+use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-use fipa::{Change, ChangeKind, Platform, Registration};
+use fipa::{Change, ChangeKind, Inside, Platform, Registration, Text};
 use fipa_gateway::{TextGateway, TextOutput};
-use robot_text::PlatformConfig;
+use fipa_json::{text_to_json, unreadable_text_to_json};
 use robot_text::links::{Endpoint, LinkEvent, Links};
+use robot_text::{Place, PlatformConfig, StreamId};
+use serde_json::Value;
 
 use crate::fleet::{Fleet, FleetEvent};
 
@@ -28,6 +31,8 @@ pub(crate) struct TextService {
     fleet: Fleet,
     links: Links,
     bound: Vec<String>,
+    /// Where streams lead.
+    streams: HashMap<StreamId, String>,
     began: Instant,
 }
 
@@ -53,6 +58,7 @@ impl TextService {
             fleet: Fleet::new(platform),
             links,
             bound,
+            streams: HashMap::new(),
             began: Instant::now(),
         })
     }
@@ -86,19 +92,40 @@ impl TextService {
         }
     }
 
+    /// Shows a message to those who watch what passes.
+    fn show(&self, incoming: bool, place: Place, form: impl FnOnce() -> Value) {
+        self.fleet.passed_inside(|| Inside {
+            protocol: Text::from_static("text"),
+            incoming,
+            place: match place {
+                Place::Datagram(address) => Text::from(format!("udp://{address}")),
+                Place::Stream(stream) => {
+                    let place = self.streams.get(&stream).map(String::as_str);
+                    Text::from(place.unwrap_or_default())
+                }
+            },
+            form: Text::from(form().to_string()),
+        });
+    }
+
     fn now(&self) -> Duration {
         self.began.elapsed()
     }
 
     fn link_event(&mut self, event: LinkEvent) {
         match event {
-            LinkEvent::Opened(stream) => tracing::debug!("text stream {} is open", stream.0),
+            LinkEvent::Opened(stream, place) => {
+                tracing::debug!("text stream {} to {place} is open", stream.0);
+                self.streams.insert(stream, place);
+            }
             LinkEvent::Received(from, message) => {
+                self.show(true, from, || text_to_json(&message));
                 let (now, fleet) = (self.now(), &self.fleet);
                 self.gateway
                     .received(now, from, message, |name| fleet.knows(name));
             }
             LinkEvent::Unreadable(from, unreadable) => {
+                self.show(true, from, || unreadable_text_to_json(&unreadable));
                 tracing::warn!(
                     "a text message from {from:?} cannot be read: {}",
                     unreadable.fault
@@ -112,6 +139,7 @@ impl TextService {
             LinkEvent::Closed(stream, reason) => {
                 tracing::info!("text stream {} has ended: {reason}", stream.0);
                 self.gateway.stream_closed(stream);
+                self.streams.remove(&stream);
             }
             LinkEvent::Failed(endpoint, reason) => {
                 tracing::debug!("{endpoint} cannot be opened: {reason}");
@@ -140,7 +168,10 @@ impl TextService {
                     to,
                     message,
                     ticket,
-                } => self.links.write(to, &message, ticket),
+                } => {
+                    self.show(false, to, || text_to_json(&message));
+                    self.links.write(to, &message, ticket);
+                }
             }
         }
     }

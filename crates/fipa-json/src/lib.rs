@@ -34,6 +34,7 @@ mod letter;
 mod message;
 mod reader;
 mod robot_text;
+mod sniffed;
 mod values;
 
 pub use agent_id::{agent_id_from_json, agent_id_to_json};
@@ -46,3 +47,4 @@ pub use letter::{
 };
 pub use message::{message_from_json, message_to_json};
 pub use robot_text::{text_from_json, text_to_json, unreadable_text_to_json};
+pub use sniffed::sniffed_to_json;

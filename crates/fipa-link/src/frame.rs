@@ -3,7 +3,7 @@ use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Source, State};
 
 use crate::wire::{FrameError, Reader, put_list, put_text};
-use crate::{Facts, Hello, KnownPlatform, Parts, ReceiverOutcome};
+use crate::{Facts, Hello, KnownPlatform, Parts, ReceiverOutcome, Sniffed};
 
 /// One frame of a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -60,6 +60,10 @@ pub enum Frame {
     AskFacts,
     /// The answer to that.
     Facts(Facts),
+    /// A program begins (true) or ends (false) to watch what passes; on the control socket only.
+    Sniff(bool),
+    /// What passed, for a program that watches.
+    Sniffed(Box<Sniffed>),
     /// A kind that this version does not know; it is passed over.
     Unknown(u8),
 }
@@ -137,6 +141,9 @@ impl LetterFrame {
 }
 
 impl Frame {
+    /// The kind of the frame that holds a letter for a watcher.
+    pub(crate) const SNIFFED: u8 = 23;
+
     /// Appends the frame to `out`, save for the parts of a letter that are returned: they follow,
     /// as they are.
     pub fn encode(self, out: &mut BytesMut) -> Parts {
@@ -186,6 +193,8 @@ impl Frame {
             12 => Frame::Platforms(r.list(KnownPlatform::read)?),
             20 => Frame::AskFacts,
             21 => Frame::Facts(Facts::read(r)?),
+            22 => Frame::Sniff(r.u8()? != 0),
+            Frame::SNIFFED => Frame::Sniffed(Box::new(Sniffed::read(r)?)),
             other => Frame::Unknown(other),
         })
     }
@@ -206,6 +215,8 @@ impl Frame {
             Frame::Platforms(_) => 12,
             Frame::AskFacts => 20,
             Frame::Facts(_) => 21,
+            Frame::Sniff(_) => 22,
+            Frame::Sniffed(_) => Frame::SNIFFED,
             Frame::Unknown(kind) => *kind,
         }
     }
@@ -247,6 +258,8 @@ impl Frame {
             Frame::Goodbye(reason) => put_text(out, &reason),
             Frame::Platforms(platforms) => put_list(out, &platforms, KnownPlatform::put),
             Frame::Facts(facts) => facts.put(out),
+            Frame::Sniff(on) => out.put_u8(u8::from(on)),
+            Frame::Sniffed(sniffed) => return sniffed.put(out),
             Frame::Watch | Frame::AskFacts | Frame::Unknown(_) => {}
         }
         Parts::default()
@@ -267,6 +280,8 @@ fn name_of(kind: u8) -> &'static str {
         11 => "goodbye",
         12 => "platforms",
         21 => "facts",
+        22 => "sniff",
+        Frame::SNIFFED => "sniffed",
         _ => "unknown",
     }
 }

@@ -10,6 +10,7 @@
 //!   directory ─▶           snapshot, then changes; numbered by their owner
 //!   platforms ─▶           who else has an open link with the speaker, and where to dial
 //!   ask ─▶ ◀─ facts        what a person who looks for a fault wants to know
+//!   sniff ─▶ ◀─ sniffed   a program watches what passes; on the control socket only
 //!   ping ─▶ ◀─ pong        heartbeat                goodbye ─▶ the reason for closing
 //! ```
 //!
@@ -26,6 +27,7 @@ mod outcome;
 mod outgoing;
 mod parts;
 mod platforms;
+mod sniffed;
 mod wire;
 
 pub use facts::{Facts, PeerFacts};
@@ -35,6 +37,7 @@ pub use link::{Event, Link, LinkConfig, LinkError};
 pub use outcome::{Outcome, ReceiverOutcome};
 pub use parts::Parts;
 pub use platforms::KnownPlatform;
+pub use sniffed::{Inside, Passed, Sniffed};
 pub use wire::FrameError;
 
 /// The octets that open a link; the last is the version of the framing.

@@ -6,7 +6,7 @@ use fipa_directory::Now;
 
 use crate::incoming::Incoming;
 use crate::outgoing::Outgoing;
-use crate::{Frame, FrameError, Hello, PREAMBLE};
+use crate::{Frame, FrameError, Hello, PREAMBLE, Role};
 
 /// Octets of a frame beside the letter in it, at most.
 const FRAME_OVERHEAD: usize = 64 << 10;
@@ -253,10 +253,15 @@ impl Link {
         };
         let [l0, l1, l2, l3, kind] = *head;
         let length = u32::from_be_bytes([l0, l1, l2, l3]) as usize;
-        let limit = match kind {
-            LETTER => usize::try_from(self.config.hello.max_letter)
+        let letter_limit = || {
+            usize::try_from(self.config.hello.max_letter)
                 .unwrap_or(usize::MAX)
-                .saturating_add(FRAME_OVERHEAD),
+                .saturating_add(FRAME_OVERHEAD)
+        };
+        let limit = match kind {
+            LETTER => letter_limit(),
+            // Only a program watches, and is told of letters.
+            Frame::SNIFFED if self.config.hello.role == Role::Program => letter_limit(),
             _ => MAX_CONTROL_FRAME,
         };
         if length == 0 || length > limit {

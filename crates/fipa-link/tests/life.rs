@@ -248,6 +248,30 @@ fn letters_are_limited_by_what_the_hello_said() {
 }
 
 #[test]
+fn only_a_program_is_told_of_letters_that_are_larger_than_other_frames() {
+    let head = |link: &mut Link| {
+        let mut received = BytesMut::new();
+        received.put_u32(5 << 20);
+        received.put_u8(23);
+        link.receive(at(0), &mut received)
+    };
+    let greet = |role| {
+        let told = Hello {
+            role,
+            max_letter: 8 << 20,
+            ..hello(1)
+        };
+        let mut one = Link::new(LinkConfig::new(told), at(0));
+        let octets = written(&mut link(2));
+        read(&mut one, at(0), octets).unwrap();
+        one
+    };
+    assert_eq!(head(&mut greet(Role::Program)), Ok(None));
+    let refused = head(&mut greet(Role::Daemon));
+    assert_eq!(refused, Err(LinkError::TooLarge(5 << 20)));
+}
+
+#[test]
 fn a_frame_without_a_kind_is_refused() {
     let (mut one, _) = greeted();
     let octets = BytesMut::from(&[0, 0, 0, 0, 7][..]);

@@ -4,7 +4,7 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
 use fipa_directory::{Address, Change, Directory, InstanceId, MESSAGE_TRANSPORT, Now};
-use fipa_link::{Facts, Outcome, ReceiverOutcome};
+use fipa_link::{Facts, Outcome, ReceiverOutcome, Sniffed};
 
 use crate::StoredLetter;
 
@@ -209,6 +209,8 @@ pub enum Output {
     Unstore(u64),
     /// Ask the network whether this is still there: it is announced but does not answer.
     Verify(Announced),
+    /// What passes the service, while that is watched.
+    Sniffed(Box<Sniffed>),
     /// Something for the log.
     Notice(Notice),
     /// What the daemon told that was asked for facts.
@@ -380,6 +382,9 @@ pub trait Machine {
     fn take_mail(&mut self, name: &str) -> Option<Letter>;
     /// The directory as it is known here.
     fn directory(&self) -> &Directory;
+    /// Begins or ends to watch what passes the service: told by [`Output::Sniffed`], with a mark at
+    /// the begin and at the end. A program does not come to the end while its daemon is away.
+    fn sniff(&mut self, now: Now, on: bool);
     /// The name of the message transport service; empty while a program has not met its daemon.
     fn service_name(&self) -> Text;
     /// Says goodbye on every link; the connections close once that is written.

@@ -41,6 +41,7 @@ pub struct Program {
     snapshot: Option<Vec<Record>>,
     /// A whole snapshot has come.
     directory_known: bool,
+    sniffing: bool,
     service: Text,
     /// Octets of the largest letter that the daemon takes.
     daemon_max: u64,
@@ -94,6 +95,7 @@ impl Program {
             directory: Directory::new(),
             snapshot: None,
             directory_known: false,
+            sniffing: false,
             service: Text::default(),
             daemon_max: u64::MAX,
             conn: None,
@@ -179,6 +181,9 @@ impl Program {
         if self.config.watch {
             self.send(now, Frame::Watch);
         }
+        if self.sniffing {
+            self.send(now, Frame::Sniff(true));
+        }
         let mut names: Vec<Text> = self.agents.keys().cloned().collect();
         names.sort();
         for name in names {
@@ -223,6 +228,7 @@ impl Program {
             Frame::Answer { request, refusal } => self.on_answer(request, refusal),
             Frame::Directory(directory) => self.on_directory(now, directory),
             Frame::Facts(facts) => self.outputs.push_back(Output::Facts(Box::new(facts))),
+            Frame::Sniffed(sniffed) => self.outputs.push_back(Output::Sniffed(sniffed)),
             // The end of the stream follows.
             _ => {}
         }
@@ -701,6 +707,13 @@ impl Machine for Program {
 
     fn directory(&self) -> &Directory {
         &self.directory
+    }
+
+    fn sniff(&mut self, now: Now, on: bool) {
+        self.sniffing = on;
+        if self.open {
+            self.send(now, Frame::Sniff(on));
+        }
     }
 
     fn service_name(&self) -> Text {

@@ -202,7 +202,9 @@ fn a_stored_letter_waits_for_a_receiver_that_is_back_and_does_not_read() {
     sim.run_for(secs(1));
     sim.crash(there);
     sim.run_for(secs(5));
-    (0..3).for_each(|n| drop(sim.send(here, "a", &["b"], &n.to_string())));
+    for n in 0..3 {
+        sim.send(here, "a", &["b"], &n.to_string());
+    }
     sim.run_for(secs(11));
     sim.restart(there);
     sim.set_reading(there, false);

@@ -133,6 +133,11 @@ impl Sim {
             .collect()
     }
 
+    /// Lets a node watch what passes its service, or ends that.
+    pub fn sniff(&mut self, node: NodeId, on: bool) {
+        self.with(node, |machine, now| machine.sniff(now, on));
+    }
+
     /// Sets whether the agents of a node take their mail as soon as it comes. What waits is taken
     /// when they begin.
     pub fn set_reading(&mut self, node: NodeId, reading: bool) {
@@ -153,6 +158,7 @@ impl Sim {
                 let before = telling.collected.registrations.insert(ticket, result);
                 assert!(before.is_none(), "{node:?}: ticket {ticket} was told twice");
             }
+            Output::Sniffed(sniffed) => telling.collected.sniffed.push(*sniffed),
             Output::Notice(notice) => telling.collected.notices.push((at, notice)),
             Output::Directory(change) => telling.collected.changes.push((at, change)),
             Output::Left { name, letters, .. } => {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use fipa_acl::{Letter, Text};
 use fipa_directory::{Address, Change};
-use fipa_link::ReceiverOutcome;
+use fipa_link::{ReceiverOutcome, Sniffed};
 use fipa_mts::{
     Announced, Config, ConnId, Machine, Mts, Notice, Program, ProgramConfig, RegisterError,
 };
@@ -40,6 +40,8 @@ pub struct Collected {
     pub changes: Vec<(Duration, Change)>,
     /// Letters that were taken out of mailboxes, by agent.
     pub mail: BTreeMap<Text, Vec<Letter>>,
+    /// What passed the service while it was watched.
+    pub sniffed: Vec<Sniffed>,
     /// What the network was to be asked for.
     pub verified: Vec<Announced>,
     /// Dials that were asked for, with their times.

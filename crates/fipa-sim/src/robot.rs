@@ -136,6 +136,8 @@ impl Machine for Robot {
         self.outputs.push_back(Output::Outcome { ticket, outcomes });
     }
 
+    fn sniff(&mut self, _now: Now, _on: bool) {}
+
     fn take_mail(&mut self, _name: &str) -> Option<Letter> {
         None
     }

@@ -360,7 +360,7 @@ impl Drop for Agent {
 }
 
 /// Reads the payload in the representation that the envelope names.
-fn read(letter: &Letter) -> Result<Message, String> {
+pub(crate) fn read(letter: &Letter) -> Result<Message, String> {
     if let Some(Representation::Other(name)) = letter.envelope.acl_representation() {
         return Err(format!("its representation is {name}"));
     }

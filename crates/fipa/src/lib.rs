@@ -50,6 +50,7 @@ mod node;
 mod platform;
 mod room;
 mod sending;
+mod sniffer;
 
 pub use agent::{Agent, DEFAULT_TIMEOUT, Incoming};
 pub use builder::PlatformBuilder;
@@ -70,13 +71,14 @@ pub use fipa_directory::{
 pub use fipa_dsd::{
     HeardDaemon, InterfaceProbe, InterfaceSelector, MDNS_PORT, Multicast, probe as probe_mdns,
 };
-pub use fipa_link::{Facts, Outcome, PeerFacts, ReceiverOutcome};
+pub use fipa_link::{Facts, Inside, Outcome, Parts, Passed, PeerFacts, ReceiverOutcome, Sniffed};
 pub use fipa_mts::{DeliveryFailure, Notice, OutboxConfig, RegisterError, Registration};
 pub use fipa_outbox::OpenError as OutboxError;
 pub use fipa_protocol::{Library, Outcome as ConversationOutcome};
 pub use greet::{GreetError, Greeting, greet};
 pub use platform::{Changes, Notices, Platform};
 pub use sending::Sending;
+pub use sniffer::{Sniffer, open_letter};
 
 /// What most programs need.
 pub mod prelude {

@@ -19,6 +19,7 @@ use tokio::sync::{Notify, mpsc, oneshot};
 use crate::clock::Clock;
 use crate::conversations::Talk;
 use crate::room::Place;
+use crate::sniffer::Tap;
 
 /// A machine with what runs it.
 pub(crate) struct Node<M> {
@@ -53,6 +54,7 @@ pub(crate) struct Hub {
     facts: Vec<oneshot::Sender<Facts>>,
     verify: Option<mpsc::UnboundedSender<Announced>>,
     talks: Vec<Weak<Talk>>,
+    tap: Option<Tap>,
     ended: bool,
 }
 
@@ -142,9 +144,19 @@ impl Hub {
         self.facts.clear();
         self.changes.clear();
         self.notices.clear();
+        self.tap = None;
         self.mail
             .values()
             .for_each(|notify| notify.notify_waiters());
+    }
+
+    /// Whoever watches what passes from now on, in place of whoever did before.
+    pub(crate) fn set_tap(&mut self, tap: Tap) {
+        self.tap = (!self.ended).then_some(tap);
+    }
+
+    pub(crate) fn tap(&self) -> Option<&Tap> {
+        self.tap.as_ref()
     }
 
     pub(crate) fn has_ended(&self) -> bool {
@@ -369,6 +381,11 @@ fn tell(hub: &mut Hub, output: Output) {
             // Whoever gave up waiting does not want to know any more.
             let waiting = std::mem::take(&mut hub.facts).into_iter();
             waiting.for_each(|waiter| drop(waiter.send((*facts).clone())));
+        }
+        Output::Sniffed(sniffed) => {
+            if let Some(tap) = &mut hub.tap {
+                tap.tell(*sniffed);
+            }
         }
         Output::Verify(announced) => {
             if let Some(verify) = &hub.verify {

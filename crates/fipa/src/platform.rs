@@ -3,6 +3,7 @@ use std::sync::Arc;
 
 use fipa_acl::Text;
 use fipa_directory::{Address, Change, Field, InstanceId, Now, Pattern, PatternError, Record};
+use fipa_link::Inside;
 use fipa_mts::{Notice, Program, ProgramConfig, Registration};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
@@ -12,7 +13,7 @@ use crate::backend::Backend;
 use crate::clock::Clock;
 use crate::node::{Hub, Node};
 use crate::room::Room;
-use crate::{Error, PlatformBuilder};
+use crate::{Error, PlatformBuilder, Sniffer};
 
 /// A platform: the place where agents live.
 ///
@@ -250,6 +251,25 @@ impl Platform {
         tokio::time::timeout(patience, answer).await.ok()?.ok()
     }
 
+    /// Watches what passes the message transport service from now on: letters, and what devices of
+    /// the robot say and are told. [`Passed::Begin`](crate::Passed::Begin) comes first. There is
+    /// one sniffer at a time: of two the later one goes on.
+    pub fn sniff(&self) -> Sniffer {
+        Sniffer::new(&self.inner)
+    }
+
+    /// Shows a message between this platform and a device of its robot to those who watch. It is
+    /// not asked for while nobody does. An attached platform has no devices, and shows nothing.
+    pub fn passed_inside(&self, message: impl FnOnce() -> Inside) {
+        if let Backend::Service(node) = &self.inner.backend {
+            node.with(|now, mts, _| {
+                if mts.is_watched() {
+                    mts.passed_inside(now, message());
+                }
+            });
+        }
+    }
+
     /// The time, as the ages in records are counted.
     pub fn now(&self) -> Now {
         self.inner.clock.now()
@@ -285,10 +305,9 @@ impl Inner {
             // The task may have ended by itself.
             let _ = goodbye.send(());
         }
-        self.backend.with(|now, machine, hub| {
-            machine.shutdown(now);
-            hub.end();
-        });
+        self.backend.with(|now, machine, _| machine.shutdown(now));
+        // Whoever watches has been told the last by now.
+        self.backend.with(|_, _, hub| hub.end());
     }
 }
 

@@ -12,4 +12,5 @@ pub mod listen;
 pub mod ping;
 pub mod protocol;
 pub mod send;
+pub mod sniff;
 pub mod text;

@@ -65,6 +65,10 @@ pub(crate) struct Layer {
     /// or serial:///dev/...?baud=115200
     #[arg(long, value_name = "URL", value_parser = value::text_endpoint)]
     pub(crate) text: Option<Vec<Endpoint>>,
+    /// A file that gets every letter that passes, as JSON [default: none]
+    // As for the name, empty in a file stands for the default.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) log_letters: Option<PathBuf>,
     /// The size of the largest letter that is taken [default: 268435456]
     #[arg(long, value_name = "BYTES", value_parser = value::letter_size_text)]
     pub(crate) max_letter: Option<usize>,
@@ -97,6 +101,7 @@ impl Layer {
             hiac_address: self.hiac_address.or(weaker.hiac_address),
             hiac_names: self.hiac_names.or(weaker.hiac_names),
             text: self.text.or(weaker.text),
+            log_letters: self.log_letters.or(weaker.log_letters),
             max_letter: self.max_letter.or(weaker.max_letter),
             state: self.state.or(weaker.state),
             outbox: self.outbox.or(weaker.outbox),
@@ -106,7 +111,8 @@ impl Layer {
     /// The options, with the defaults where nothing was said.
     pub(crate) fn into_options(self) -> Options {
         let default = Options::default();
-        let control = self.control.filter(|path| !path.as_os_str().is_empty());
+        let is_given = |path: &PathBuf| !path.as_os_str().is_empty();
+        let control = self.control.filter(is_given);
         Options {
             name: self.name.filter(|name| !name.is_empty()),
             listen: self.listen.unwrap_or(default.listen),
@@ -123,6 +129,7 @@ impl Layer {
             hiac_address: self.hiac_address.or(default.hiac_address),
             hiac_names: self.hiac_names.unwrap_or(default.hiac_names),
             text: self.text.unwrap_or(default.text),
+            log_letters: self.log_letters.filter(is_given),
             max_letter: self.max_letter.unwrap_or(default.max_letter),
             state: self.state.filter(|path| !path.as_os_str().is_empty()),
             outbox: self.outbox.unwrap_or(default.outbox),

@@ -80,6 +80,7 @@ fn every_option_can_be_given_in_every_source() {
             "udp://127.0.0.1:5000".parse().unwrap(),
             "serial:///dev/ttyUSB0?baud=9600".parse().unwrap(),
         ],
+        log_letters: Some("/var/log/letters".into()),
         max_letter: 1000,
         state: Some("/var/lib/fipad".into()),
         outbox: OutboxConfig::default(),
@@ -91,7 +92,8 @@ fn every_option_can_be_given_in_every_source() {
                  --control /run/x.sock --json --hiac tcp://127.0.0.1:0?listen \
                  --hiac serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05 \
                  --hiac-address 20:C4:D2:00/00:00:00:FF --text udp://127.0.0.1:5000 \
-                 --text serial:///dev/ttyUSB0?baud=9600 --max-letter 1000 \
+                 --text serial:///dev/ttyUSB0?baud=9600 --log-letters /var/log/letters \
+                 --max-letter 1000 \
                  --state /var/lib/fipad";
     let words: Vec<&str> = words.split_whitespace().collect();
     assert_eq!(line(&words).options(), wanted);
@@ -110,6 +112,7 @@ fn every_option_can_be_given_in_every_source() {
         hiac = ["tcp://127.0.0.1:0?listen", "serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05"]
         hiac-address = "20:C4:D2:00/00:00:00:FF"
         text = ["udp://127.0.0.1:5000", "serial:///dev/ttyUSB0?baud=9600"]
+        log-letters = "/var/log/letters"
         max-letter = 1_000
         state = "/var/lib/fipad"
     "#;
@@ -135,6 +138,7 @@ fn every_option_can_be_given_in_every_source() {
             "FIPAD_TEXT",
             "udp://127.0.0.1:5000,serial:///dev/ttyUSB0?baud=9600",
         ),
+        ("FIPAD_LOG_LETTERS", "/var/log/letters"),
         ("FIPAD_MAX_LETTER", "1000"),
         ("FIPAD_STATE", "/var/lib/fipad"),
     ];
@@ -158,11 +162,12 @@ fn the_limits_of_what_is_stored_have_a_table_of_their_own() {
 #[test]
 fn an_empty_list_or_text_in_the_file_wins_and_an_empty_variable_says_nothing() {
     let given = Given {
-        file: Some("peer = []\nname = ''\ncontrol = ''"),
+        file: Some("peer = []\nname = ''\ncontrol = ''\nlog-letters = ''"),
         env: &[
             ("FIPAD_PEER", "a:1"),
             ("FIPAD_NAME", "env"),
             ("FIPAD_CONTROL", "/x"),
+            ("FIPAD_LOG_LETTERS", "/y"),
         ],
         ..Given::default()
     };
@@ -202,7 +207,7 @@ fn the_default_file_is_the_defaults() {
     let keys: Vec<&str> = keys
         .filter(|line| line.starts_with(|c: char| c.is_alphabetic() || c == '['))
         .collect();
-    assert_eq!(keys.len(), 23);
+    assert_eq!(keys.len(), 24);
     let text = keys.join("\n");
     let given = Given {
         file: Some(&text),

@@ -2,4 +2,5 @@
 
 mod letter;
 mod message;
+mod sniffed;
 mod strategies;

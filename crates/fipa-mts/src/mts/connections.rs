@@ -272,7 +272,10 @@ impl Mts {
                     self.dial_ended(now, purpose, reason);
                 }
             }
-            Partner::Program { .. } => self.program_ended(now, conn, closed.outstanding),
+            Partner::Program { .. } => {
+                self.program_is_gone(conn);
+                self.program_ended(now, conn, closed.outstanding);
+            }
             Partner::Daemon { instance, .. } => {
                 self.peer_conn_ended(now, instance, conn, closed.outstanding, reason);
             }
@@ -399,6 +402,7 @@ impl Mts {
                 let facts = self.facts(now);
                 self.send(now, conn, Frame::Facts(facts));
             }
+            (Frame::Sniff(on), Partner::Program { .. }) => self.program_watches(now, conn, on),
             (
                 Frame::Attach {
                     request,

@@ -216,6 +216,9 @@ impl Mts {
         name: impl Fn(&R) -> Text,
     ) -> u64 {
         let pending = self.id();
+        if let Some(tap) = &mut self.tap {
+            tap.opened(pending);
+        }
         if let Origin::Peer {
             instance, id, late, ..
         } = origin
@@ -281,7 +284,10 @@ impl Mts {
         if collected.open == 0
             && let Some(collected) = self.pending.remove(&pending)
         {
-            let outcomes = collected.outcomes.into_iter().flatten().collect();
+            let outcomes: Vec<_> = collected.outcomes.into_iter().flatten().collect();
+            if self.tap.is_some() {
+                self.tap_outcomes(now, pending, &outcomes);
+            }
             self.tell(now, collected.origin, outcomes);
         }
     }

@@ -23,6 +23,7 @@ mod routing;
 mod seeds;
 mod seen;
 mod sync;
+mod tap;
 mod waiting;
 
 pub(crate) use sync::record_of;
@@ -53,6 +54,7 @@ use self::programs::Local;
 use self::routing::{Inbound, Terms};
 use self::seeds::Seeds;
 use self::seen::Seen;
+use self::tap::Tap;
 use crate::machine::{
     ConnId, Connected, DialId, Ended, Machine, Notice, Output, REPLY_BY, RegisterError,
     Registration, Submission,
@@ -99,6 +101,8 @@ pub struct Mts {
     lately: Lately,
     outbox: Outbox,
     late: Late,
+    /// Who watches, if anybody does.
+    tap: Option<Box<Tap>>,
     timers: BTreeSet<(Duration, Timer)>,
     outputs: VecDeque<Output>,
     random: fastrand::Rng,
@@ -151,6 +155,7 @@ impl Mts {
             lately: Lately::default(),
             outbox: Outbox::default(),
             late: Late::default(),
+            tap: None,
             timers: BTreeSet::new(),
             outputs: VecDeque::new(),
             random: fastrand::Rng::with_seed(config.seed),
@@ -277,7 +282,7 @@ impl Machine for Mts {
         let until = submission.until_reply_by(now);
         let Submission {
             ticket,
-            letter: Letter { envelope, payload },
+            letter,
             timeout,
             transports,
             patient,
@@ -285,10 +290,14 @@ impl Machine for Mts {
         } = submission;
         let origin = Origin::Ticket(ticket);
         if until == Some(Duration::ZERO) {
+            if self.tap.is_some() {
+                self.tap_refused(now, &letter);
+            }
             let reason = Text::from_static(REPLY_BY);
             self.answer_whole(now, origin, Outcome::Expired, reason);
             return;
         }
+        let Letter { envelope, payload } = letter;
         let mut head = Encoded::new();
         if let Err(error) = bit_efficient::encode_envelope(&envelope, &mut head) {
             let reason = Text::from(error.to_string());
@@ -330,8 +339,13 @@ impl Machine for Mts {
         self.config.name.clone()
     }
 
+    fn sniff(&mut self, now: Now, on: bool) {
+        self.own_watches(now, on);
+    }
+
     fn shutdown(&mut self, now: Now) {
         self.closing = true;
+        self.end_tap(now);
         let conns: Vec<ConnId> = self.conns.keys().copied().collect();
         for conn in conns {
             self.part(now, conn, connections::SHUTDOWN);

@@ -104,6 +104,9 @@ impl Mts {
     /// Takes in a letter and starts a delivery to each agent that it is for. `origin` learns the
     /// outcomes once all are known.
     pub(super) fn take_in(&mut self, now: Now, origin: Origin, inbound: Inbound, mut terms: Terms) {
+        if self.tap.is_some() {
+            self.tap_letter(now, &inbound);
+        }
         if inbound.envelope.stamps().count() >= MAX_HOPS {
             let reason = Text::from(format!("{LOOP}it has passed {MAX_HOPS} services"));
             self.answer_whole(now, origin, Outcome::Refused, reason);

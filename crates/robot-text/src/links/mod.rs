@@ -31,8 +31,8 @@ const EVENTS: usize = 256;
 /// What happened at the links.
 #[derive(Debug)]
 pub enum LinkEvent {
-    /// A stream is open.
-    Opened(StreamId),
+    /// A stream is open, to this place.
+    Opened(StreamId, String),
     /// A message came.
     Received(Place, Message),
     /// Something came that cannot be read.
@@ -220,9 +220,10 @@ impl Shared {
         let mut streams = JoinSet::new();
         loop {
             match listener.accept().await {
-                Ok((stream, _)) => {
+                Ok((stream, from)) => {
                     let shared = Arc::clone(&self);
-                    streams.spawn(async move { shared.tcp(stream).await });
+                    let place = format!("tcp://{from}");
+                    streams.spawn(async move { shared.tcp(stream, place).await });
                 }
                 // Out of file descriptors: it does not get better by trying at once.
                 Err(_) => tokio::time::sleep(PAUSE).await,
@@ -239,7 +240,7 @@ impl Shared {
                     let path = path.to_string_lossy();
                     match tokio_serial::new(path, *baud).open_native_async() {
                         Ok(line) => {
-                            self.serve(line).await;
+                            self.serve(line, endpoint.to_string()).await;
                             Ok(())
                         }
                         Err(error) => Err(error.to_string()),
@@ -247,7 +248,7 @@ impl Shared {
                 }
                 Endpoint::TcpDial(place) => match TcpStream::connect(place).await {
                     Ok(stream) => {
-                        self.tcp(stream).await;
+                        self.tcp(stream, endpoint.to_string()).await;
                         Ok(())
                     }
                     Err(error) => Err(error.to_string()),
@@ -261,15 +262,15 @@ impl Shared {
         }
     }
 
-    async fn tcp(&self, stream: TcpStream) {
+    async fn tcp(&self, stream: TcpStream, place: String) {
         // Small messages that wait for their answers: without it each waits for the last one's
         // acknowledgement. A stream that refuses works all the same.
         let _ = stream.set_nodelay(true);
-        self.serve(stream).await;
+        self.serve(stream, place).await;
     }
 
     /// Reads and writes a stream until it ends.
-    async fn serve(&self, stream: impl AsyncRead + AsyncWrite + Unpin) {
+    async fn serve(&self, stream: impl AsyncRead + AsyncWrite + Unpin, place: String) {
         let lane = Arc::new(Lane::default());
         let id = {
             let mut open = self.open();
@@ -279,7 +280,7 @@ impl Shared {
             id
         };
         let closing = Closing { shared: self, id };
-        self.tell(LinkEvent::Opened(id)).await;
+        self.tell(LinkEvent::Opened(id, place)).await;
         let reason = stream::serve(self, Place::Stream(id), stream, &lane).await;
         drop(closing);
         self.tell(LinkEvent::Closed(id, reason.to_string())).await;
