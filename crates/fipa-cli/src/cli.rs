@@ -6,7 +6,8 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    agents, attach, decode, doctor, echo, encode, hiac, listen, ping, protocol, send, sniff, text,
+    agents, ams, attach, decode, df, doctor, echo, encode, hiac, listen, ping, platform, protocol,
+    send, sniff, text,
 };
 use crate::{Failure, streams};
 
@@ -30,10 +31,14 @@ pub struct Cli {
 pub enum Command {
     /// Show who is known
     Agents(agents::Args),
+    /// Look into the white pages of a platform
+    Ams(ams::Args),
     /// Be one agent for a program in any language: JSON lines in and out
     Attach(attach::Args),
     /// Show encoded messages and letters as JSON, one a line
     Decode(decode::Args),
+    /// Look into the yellow pages of a platform, and write into them
+    Df(df::Args),
     /// Say why robots do not see each other
     Doctor(doctor::Args),
     /// Be an agent that answers every request and query with its own content
@@ -46,6 +51,8 @@ pub enum Command {
     Listen(listen::Args),
     /// Ask an agent, and measure how long the answer takes
     Ping(ping::Args),
+    /// List the agents of platforms of other makes
+    Platform(platform::Args),
     /// Check, draw and replay interaction protocols
     Protocol(protocol::Args),
     /// Send a message, and say what became of it
@@ -61,14 +68,17 @@ impl Command {
     pub fn name(&self) -> &'static str {
         match self {
             Command::Agents(_) => "agents",
+            Command::Ams(_) => "ams",
             Command::Attach(_) => "attach",
             Command::Decode(_) => "decode",
+            Command::Df(_) => "df",
             Command::Doctor(_) => "doctor",
             Command::Echo(_) => "echo",
             Command::Encode(_) => "encode",
             Command::Hiac(_) => "hiac",
             Command::Listen(_) => "listen",
             Command::Ping(_) => "ping",
+            Command::Platform(_) => "platform",
             Command::Protocol(_) => "protocol",
             Command::Send(_) => "send",
             Command::Sniff(_) => "sniff",
@@ -79,14 +89,17 @@ impl Command {
     fn run(&self) -> Result<(), Failure> {
         match self {
             Command::Agents(args) => agents::run(args),
+            Command::Ams(args) => ams::run(args),
             Command::Attach(args) => attach::run(args),
             Command::Decode(args) => decode::run(args),
+            Command::Df(args) => df::run(args),
             Command::Doctor(args) => doctor::run(args),
             Command::Echo(args) => echo::run(args),
             Command::Encode(args) => encode::run(args),
             Command::Hiac(args) => hiac::run(args),
             Command::Listen(args) => listen::run(args),
             Command::Ping(args) => ping::run(args),
+            Command::Platform(args) => platform::run(args),
             Command::Protocol(args) => protocol::run(args),
             Command::Send(args) => send::run(args),
             Command::Sniff(args) => sniff::run(args),

@@ -24,9 +24,11 @@ use suggestion::nearest;
 pub const DEFAULT_CONFIG: &str = include_str!("default_config.toml");
 
 /// The keys, in the order of the options.
-pub(crate) const KEYS: [&str; 17] = [
+pub(crate) const KEYS: [&str; 19] = [
     "name",
     "listen",
+    "http",
+    "http-path",
     "advertise",
     "scope",
     "interface",
@@ -121,6 +123,8 @@ fn put(
     match entry.key {
         "name" => layer.name = Some(entry.text(or_default(value::name))?),
         "listen" => layer.listen = Some(entry.listen()?),
+        "http" => layer.http = Some(entry.text(or_default(value::http_endpoint))?),
+        "http-path" => layer.http_path = Some(entry.text(value::http_path)?),
         "advertise" => layer.advertise = Some(entry.list(value::peer_address)?),
         "scope" => layer.scope = Some(entry.text(value::scope)?),
         "interface" => layer.interface = Some(entry.list(value::interface)?),

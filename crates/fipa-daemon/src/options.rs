@@ -42,6 +42,10 @@ pub struct Options {
     pub name: Option<String>,
     /// The endpoints to listen on, at least one; port 0 takes a free port.
     pub listen: Vec<Address>,
+    /// Where letters are taken over HTTP, as `HOST:PORT`, if they are.
+    pub http: Option<String>,
+    /// The path of the URL under which they are posted; it begins with a slash.
+    pub http_path: String,
     /// What is told to others in place of the endpoints; empty: the endpoints themselves. No port
     /// is 0.
     pub advertise: Vec<Address>,
@@ -85,6 +89,8 @@ impl Default for Options {
         Options {
             name: None,
             listen: vec![Address::tcp("127.0.0.1", 0)],
+            http: None,
+            http_path: "/acc".to_owned(),
             advertise: Vec::new(),
             scope: String::new(),
             interface: Vec::new(),

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use fipa::{Change, ChangeKind, Error, Notice, Platform};
-use serde_json::{Value, json};
+use serde_json::json;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::hiac::{BindHiacError, HiacService};
@@ -79,6 +79,9 @@ async fn platform(options: &Options) -> Result<Platform, Error> {
     for endpoint in &options.listen {
         builder = builder.listen(endpoint.to_string());
     }
+    if let Some(endpoint) = &options.http {
+        builder = builder.http(endpoint, &options.http_path);
+    }
     for address in &options.advertise {
         builder = builder.advertise(address.to_string());
     }
@@ -93,6 +96,7 @@ async fn platform(options: &Options) -> Result<Platform, Error> {
 
 fn say_ready(options: &Options, platform: &Platform, hiac: &[String], text: &[String]) {
     let endpoints: Vec<String> = platform.endpoints().iter().map(|e| e.to_string()).collect();
+    let http = platform.http_urls().first().map(|url| url.to_string());
     let name = platform.name();
     let control = options.control.display().to_string();
     if options.json {
@@ -100,13 +104,14 @@ fn say_ready(options: &Options, platform: &Platform, hiac: &[String], text: &[St
             "event": "ready",
             "name": name.as_str(),
             "endpoints": endpoints,
-            "http": Value::Null,
+            "http": http,
             "hiac": hiac,
             "text": text,
             "control": control,
         }));
     } else {
-        let endpoints = endpoints.join(" ");
+        let endpoints = endpoints.into_iter().chain(http);
+        let endpoints = endpoints.collect::<Vec<_>>().join(" ");
         say(&format_args!(
             "{name} is ready at {endpoints}; programs attach at {control}"
         ));

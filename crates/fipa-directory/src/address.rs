@@ -6,7 +6,8 @@ use fipa_acl::Text;
 
 /// A transport address: where a message transport service listens.
 ///
-/// `tcp://HOST:PORT` (HOST a name, an IPv4 address or an IPv6 address in brackets), or
+/// `tcp://HOST:PORT` (HOST a name, an IPv4 address or an IPv6 address in brackets),
+/// `http://HOST[:PORT][/PATH]` for the message transport protocol over HTTP (FIPA SC00084F), or
 /// `unix://PATH` for a socket on this machine.
 ///
 /// ```
@@ -24,9 +25,21 @@ pub enum Address {
         /// 0 stands for a free port where one listens.
         port: u16,
     },
+    /// Where letters are posted over HTTP.
+    Http {
+        /// Name or IP address, without brackets.
+        host: String,
+        /// 80 where the URL names none; 0 stands for a free port where one listens.
+        port: u16,
+        /// The path, which begins with a slash, and the query if there is one.
+        path: String,
+    },
     /// A Unix socket.
     Unix(String),
 }
+
+/// The port of an HTTP URL that names none.
+const HTTP_PORT: u16 = 80;
 
 /// The text is not an address that can be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -36,7 +49,7 @@ pub enum ParseAddressError {
     #[error("{0:?} is not HOST:PORT; an address is like tcp://192.168.1.5:4100")]
     Shape(String),
     /// The scheme is none of those that are built in.
-    #[error("{0:?} is no transport of this program; there are tcp:// and unix://")]
+    #[error("{0:?} is no transport of this program; there are tcp://, http:// and unix://")]
     Scheme(String),
 }
 
@@ -49,11 +62,33 @@ impl Address {
         }
     }
 
+    /// Where letters are posted over HTTP; the path begins with a slash.
+    pub fn http(host: impl Into<String>, port: u16, path: impl Into<String>) -> Address {
+        Address::Http {
+            host: host.into(),
+            port,
+            path: path.into(),
+        }
+    }
+
+    /// Whether letters are posted there over HTTP.
+    pub fn is_http(&self) -> bool {
+        matches!(self, Address::Http { .. })
+    }
+
+    /// The name or IP address of the host; a Unix socket has none.
+    pub fn host(&self) -> Option<&str> {
+        match self {
+            Address::Tcp { host, .. } | Address::Http { host, .. } => Some(host),
+            Address::Unix(_) => None,
+        }
+    }
+
     /// Whether it can be reached from this machine only.
     pub fn is_loopback(&self) -> bool {
-        match self {
-            Address::Unix(_) => true,
-            Address::Tcp { host, .. } => {
+        match self.host() {
+            None => true,
+            Some(host) => {
                 host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
             }
         }
@@ -62,7 +97,7 @@ impl Address {
     /// Whether it means something only together with an interface of its reader: 169.254.0.0/16
     /// (RFC 3927) and fe80::/10 (RFC 4291).
     pub fn is_link_local(&self) -> bool {
-        let Address::Tcp { host, .. } = self else {
+        let Some(host) = self.host() else {
             return false;
         };
         let ip = host.split('%').next().unwrap_or_default();
@@ -89,6 +124,10 @@ impl fmt::Display for Address {
         match self {
             Address::Tcp { host, port } if host.contains(':') => write!(f, "tcp://[{host}]:{port}"),
             Address::Tcp { host, port } => write!(f, "tcp://{host}:{port}"),
+            Address::Http { host, port, path } if host.contains(':') => {
+                write!(f, "http://[{host}]:{port}{path}")
+            }
+            Address::Http { host, port, path } => write!(f, "http://{host}:{port}{path}"),
             Address::Unix(path) => write!(f, "unix://{path}"),
         }
     }
@@ -104,6 +143,9 @@ impl FromStr for Address {
             Some(("unix", "")) => Err(shape()),
             Some(("unix", path)) => Ok(Address::Unix(path.to_owned())),
             Some(("tcp", authority)) => tcp(authority).ok_or_else(shape),
+            Some((scheme, rest)) if scheme.eq_ignore_ascii_case("http") => {
+                http(rest).ok_or_else(shape)
+            }
             Some((scheme, _)) => Err(ParseAddressError::Scheme(format!("{scheme}://"))),
             None => tcp(text).ok_or_else(shape),
         }
@@ -111,17 +153,46 @@ impl FromStr for Address {
 }
 
 fn tcp(authority: &str) -> Option<Address> {
-    let (host, port) = authority.rsplit_once(':')?;
+    let (host, port) = host_and_port(authority)?;
+    Some(Address::tcp(host, port?))
+}
+
+fn http(rest: &str) -> Option<Address> {
+    // Nothing behind a # is ever sent.
+    let rest = rest.split('#').next().unwrap_or_default();
+    let end = rest.find(['/', '?']).unwrap_or(rest.len());
+    let (authority, path) = rest.split_at(end);
+    let (host, port) = host_and_port(authority)?;
+    if !path.bytes().all(|octet| octet.is_ascii_graphic()) {
+        return None;
+    }
+    let path = match path.starts_with('/') {
+        true => path.to_owned(),
+        false => format!("/{path}"),
+    };
+    Some(Address::http(host, port.unwrap_or(HTTP_PORT), path))
+}
+
+fn host_and_port(authority: &str) -> Option<(&str, Option<u16>)> {
+    let (host, port) = match authority.rsplit_once(':') {
+        Some((_, in_brackets)) if in_brackets.ends_with(']') => (authority, None),
+        Some((host, port)) => (host, Some(port)),
+        None => (authority, None),
+    };
     let host = match host.strip_prefix('[') {
         Some(bracketed) => bracketed.strip_suffix(']')?,
         None if host.contains(':') => return None,
         None => host,
     };
-    if host.is_empty() || host.contains(['/', '@', ' ']) {
+    let is_odd = |c: char| c.is_control() || matches!(c, '/' | '@' | ' ');
+    if host.is_empty() || host.contains(is_odd) {
         return None;
     }
+    let Some(port) = port else {
+        return Some((host, None));
+    };
     if port.is_empty() || !port.bytes().all(|b| b.is_ascii_digit()) {
         return None;
     }
-    Some(Address::tcp(host, port.parse().ok()?))
+    Some((host, Some(port.parse().ok()?)))
 }

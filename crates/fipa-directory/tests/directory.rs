@@ -214,6 +214,10 @@ fn addresses_are_read_strictly() {
         ("localhost:0", "tcp://localhost:0"),
         ("[fe80::1]:9", "tcp://[fe80::1]:9"),
         ("unix:///run/x.sock", "unix:///run/x.sock"),
+        ("http://robot1:7778/acc", "http://robot1:7778/acc"),
+        ("HTTP://robot1", "http://robot1:80/"),
+        ("http://[::1]/acc?a=b#c", "http://[::1]:80/acc?a=b"),
+        ("http://10.0.0.1:1", "http://10.0.0.1:1/"),
     ] {
         assert_eq!(text.parse::<Address>().unwrap().to_string(), shown);
     }
@@ -227,6 +231,12 @@ fn addresses_are_read_strictly() {
         "::1:9",
         "udt://h:1",
         "tcp://h/x:1",
+        "http://",
+        "http://u@h/acc",
+        "http://h:x/acc",
+        "http://h/a c",
+        "http://h/a\r\nHost: x",
+        "https://h/acc",
     ] {
         assert!(wrong.parse::<Address>().is_err(), "{wrong}");
     }

@@ -19,6 +19,8 @@ pub struct Config {
     pub endpoints: Vec<Address>,
     /// The UDP port at which mDNS is spoken for it, if it is; for people who look for a fault.
     pub mdns_port: Option<u16>,
+    /// The URLs under which letters are posted to it over HTTP, as others are told.
+    pub http: Vec<Address>,
     /// Octets of the largest letter.
     pub max_letter: usize,
     /// What the decoder of envelopes accepts.
@@ -55,6 +57,7 @@ impl Config {
             scope: Text::default(),
             endpoints: Vec::new(),
             mdns_port: None,
+            http: Vec::new(),
             max_letter: 256 << 20,
             limits: Limits::default(),
             longest_wait: Duration::from_secs(600),

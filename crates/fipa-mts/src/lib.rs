@@ -13,7 +13,8 @@
 //!
 //! A connection that somebody else opened is our link, or brings one letter of another make: its
 //! first octets tell. Letters to agents of other makes leave in the dialect of their location's
-//! signature, one a connection, and their outcome is `sent`: nobody over there gives receipts.
+//! signature, one a connection or posted over HTTP, and their outcome is `sent`: nobody over there
+//! gives receipts.
 //!
 //! **Knows** stamps, receivers, who is reached over which link, what became of each letter, when
 //! to dial and when a peer is gone. **Never knows** a socket, a clock or a payload: time and
@@ -35,8 +36,8 @@ mod urgency;
 pub use config::{Config, ProgramConfig};
 pub use failure::DeliveryFailure;
 pub use machine::{
-    Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, RegisterError,
-    Registration, Submission, is_full,
+    Announced, Arrived, ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostFailure,
+    PostId, PostedLetter, Refusal, RegisterError, Registration, Submission, is_full,
 };
 pub use mailbox::{Mailbox, MailboxFull};
 pub use mts::Mts;

@@ -16,6 +16,10 @@ pub struct ConnId(pub u64);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct DialId(pub u64);
 
+/// A letter that is to be posted over HTTP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PostId(pub u64);
+
 /// A stream that was opened.
 #[derive(Clone, Debug)]
 pub struct Connected {
@@ -153,6 +157,72 @@ pub enum RegisterError {
     NoDaemon,
 }
 
+/// A letter to be posted over HTTP (FIPA SC00084F), as its receiver's platform reads it.
+#[derive(Clone, Debug)]
+pub struct PostedLetter {
+    /// The number to answer with.
+    pub post: PostId,
+    /// Where to.
+    pub address: Address,
+    /// The octets of the envelope, in XML.
+    pub envelope: Bytes,
+    /// The octets of the payload.
+    pub payload: Bytes,
+    /// The media type of the payload.
+    pub payload_type: Text,
+    /// How long the answer is waited for.
+    pub timeout: Duration,
+}
+
+/// Why a letter that was to be posted was not taken over.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PostFailure {
+    /// Not all of it was written: nobody has it.
+    #[error("{0}")]
+    Unreached(String),
+    /// It was written, and nobody said that it was taken over.
+    #[error("{0}")]
+    Unanswered(String),
+    /// The other side said "no".
+    #[error("{0}")]
+    Refused(String),
+}
+
+/// A letter that was posted to us.
+#[derive(Clone, Debug)]
+pub struct Arrived {
+    /// The octets of its envelope.
+    pub envelope: Bytes,
+    /// The octets of its payload.
+    pub payload: Bytes,
+    /// Where it came from, for people.
+    pub remote: Text,
+    /// The number of the connection, which no other has.
+    pub connection: u64,
+    /// How many requests came over the connection before.
+    pub earlier: u64,
+}
+
+/// Why a letter that was posted is not taken over.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// Its envelope cannot be read, or not be passed on.
+    #[error("the envelope cannot be read: {0}")]
+    Unreadable(String),
+    /// It is larger than what is taken.
+    #[error("the letter has {octets} octets, and {max} are taken")]
+    TooLarge {
+        /// Octets of the letter.
+        octets: usize,
+        /// Octets of the largest letter that is taken.
+        max: usize,
+    },
+    /// The service ends.
+    #[error("the service ends")]
+    Closing,
+}
+
 /// What a machine wants done, or tells.
 #[derive(Clone, Debug)]
 pub enum Output {
@@ -175,6 +245,8 @@ pub enum Output {
     /// Break this connection off, so that the partner does not take the end of the stream for the
     /// end of a letter; [`Machine::closed`] follows.
     Abort(ConnId),
+    /// Post this letter, and say how it went by [`Machine::posted`].
+    Post(Box<PostedLetter>),
     /// What became of a registration.
     Registered {
         /// The ticket it was asked with.
@@ -359,6 +431,12 @@ pub trait Machine {
     fn received(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut);
     /// The stream ended; what had arrived was handed over before.
     fn closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>);
+    /// What became of an [`Output::Post`].
+    ///
+    /// Only a service posts.
+    fn posted(&mut self, now: Now, post: PostId, result: Result<(), PostFailure>) {
+        let _ = (now, post, result);
+    }
     /// The next octets to write to a connection.
     fn poll_transmit(&mut self, now: Now, conn: ConnId) -> Option<Bytes>;
     /// When [`handle_timeout`](Self::handle_timeout) wants to be called, on [`Now::mono`].

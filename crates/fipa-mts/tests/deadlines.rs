@@ -93,7 +93,7 @@ fn letters_behind_a_stalled_one_expire_and_the_stalled_one_times_out() {
 fn the_senders_order_of_transports_goes_before_the_receivers() {
     let mut sim = Sim::new(1);
     let (here, robot) = (sim.daemon("here"), sim.robot("robot"));
-    let places = ["udt://robot:1", "http://robot:2", "tcp://nowhere:3"];
+    let places = ["udt://robot:1", "quic://robot:2", "tcp://nowhere:3"];
     sim.announce(
         robot,
         &entry("b", &places.map(|at| (at, MESSAGE_TRANSPORT))),
@@ -101,8 +101,8 @@ fn the_senders_order_of_transports_goes_before_the_receivers() {
 
     for (preferred, first) in [
         (&[][..], "udt"),
-        (&["http"], "http"),
-        (&["tcp", "http"], "http"),
+        (&["quic"], "quic"),
+        (&["tcp", "quic"], "quic"),
     ] {
         let letter = sim.letter("a", vec![AgentId::new("b")], Bytes::new());
         let ticket = sim.submit_with(here, letter, secs(10), |submission| {

@@ -157,7 +157,7 @@ fn when_every_place_fails_the_outcome_says_why_of_each() {
     let (here, robot) = here_and_robot(&mut sim);
     let locations = [
         ("tcp://nowhere:1", MESSAGE_TRANSPORT),
-        ("http://robot:80/acc", "fipa.http"),
+        ("quic://robot:80", "fipa.quic"),
         ("tcp://robot:9999", "fipa.tcp"),
         ("tcp://elsewhere:2", JADE_BRIDGE),
     ];
@@ -169,7 +169,7 @@ fn when_every_place_fails_the_outcome_says_why_of_each() {
     assert_eq!(outcome(&sim, here, ticket), Outcome::Timeout);
     let reason = reason(&sim, here, ticket);
     let parts = [
-        "http://robot:80/acc: \"fipa.http\" is not spoken here",
+        "quic://robot:80: \"fipa.quic\" is not spoken here",
         "tcp://robot:9999: \"fipa.tcp\" is not spoken here",
         "tcp://nowhere:1: connection refused",
         "tcp://elsewhere:2: connection refused",

@@ -70,6 +70,9 @@ async fn connect(address: &Address) -> io::Result<Stream> {
     let attempt = async {
         match address {
             Address::Unix(path) => unix::connect(path).await,
+            Address::Http { .. } => {
+                Err(io::Error::other("letters are posted there, it is no link"))
+            }
             Address::Tcp { host, port } => {
                 let mut last = io::Error::other("the host name has no address");
                 let found: Vec<SocketAddr> = tokio::net::lookup_host((host.as_str(), *port))

@@ -7,6 +7,8 @@
 mod buffers;
 mod dial;
 mod handle;
+#[cfg(feature = "http")]
+pub mod http;
 mod listen;
 mod pump;
 mod stream;

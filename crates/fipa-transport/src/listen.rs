@@ -46,6 +46,10 @@ impl Listener {
                 let address = Address::tcp(bound.ip().to_string(), bound.port());
                 (Socket::Tcp(listener), address)
             }
+            Address::Http { .. } => {
+                let reason = "letters over HTTP are taken by a server of their own";
+                return Err(failed(io::Error::other(reason)));
+            }
             Address::Unix(path) => {
                 let path = PathBuf::from(path);
                 let listener = unix::bind(&path).map_err(failed)?;

@@ -1,6 +1,7 @@
 //! Where a platform is reached: the addresses of the machine's interfaces, as they come and go.
 
 use std::net::{IpAddr, SocketAddr};
+use std::slice::from_ref;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -15,6 +16,7 @@ const LOOK: Duration = Duration::from_secs(2);
 pub(crate) fn socket_address(address: &Address) -> Option<SocketAddr> {
     match address {
         Address::Tcp { host, port } => Some(SocketAddr::new(host.parse().ok()?, *port)),
+        Address::Http { host, port, .. } => Some(SocketAddr::new(host.parse().ok()?, *port)),
         Address::Unix(_) => None,
     }
 }
@@ -33,21 +35,36 @@ pub(crate) fn reached_at(bound: &[Address]) -> Vec<Address> {
 
 /// Tells others when the machine's addresses change, as when a robot joins another network. While
 /// it has none for others it is not told to forget those that it had.
-pub(crate) async fn follow(node: Arc<Node<Mts>>, bound: Vec<Address>) {
-    if !bound.iter().any(is_unspecified) {
-        return;
-    }
-    loop {
+///
+/// `http` is where letters are posted to it, as long as that is not told otherwise.
+pub(crate) async fn follow(
+    node: Arc<Node<Mts>>,
+    bound: Option<Vec<Address>>,
+    http: Option<Address>,
+) {
+    let bound = bound.filter(|bound| bound.iter().any(is_unspecified));
+    let http = http.filter(is_unspecified);
+    while bound.is_some() || http.is_some() {
         tokio::time::sleep(LOOK).await;
-        let endpoints = reached_at(&bound);
         node.with(|now, mts, _| {
             let known = &mts.config().endpoints;
-            let for_others = |all: &[Address]| all.iter().any(Address::is_for_others);
-            if *known != endpoints && (for_others(&endpoints) || !for_others(known)) {
+            if let Some(endpoints) = bound.as_deref().and_then(|bound| changed(known, bound)) {
                 mts.set_endpoints(now, endpoints);
+            }
+            let known = &mts.config().http;
+            if let Some(urls) = http.as_ref().and_then(|url| changed(known, from_ref(url))) {
+                mts.set_http(urls);
             }
         });
     }
+}
+
+/// Where bound endpoints are reached now, if that is news.
+fn changed(known: &[Address], bound: &[Address]) -> Option<Vec<Address>> {
+    let endpoints = reached_at(bound);
+    let for_others = |all: &[Address]| all.iter().any(Address::is_for_others);
+    let is_news = known != endpoints && (for_others(&endpoints) || !for_others(known));
+    is_news.then_some(endpoints)
 }
 
 fn is_unspecified(address: &Address) -> bool {
@@ -71,6 +88,9 @@ fn concrete(address: &Address) -> Vec<Address> {
     found.sort_by_key(|ip| (ip.is_loopback(), *ip));
     found
         .into_iter()
-        .map(|ip| Address::tcp(ip.to_string(), bound.port()))
+        .map(|ip| match address {
+            Address::Http { path, .. } => Address::http(ip.to_string(), bound.port(), path),
+            _ => Address::tcp(ip.to_string(), bound.port()),
+        })
         .collect()
 }

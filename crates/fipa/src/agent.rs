@@ -364,8 +364,16 @@ pub(crate) fn read(letter: &Letter) -> Result<Message, String> {
     if let Some(Representation::Other(name)) = letter.envelope.acl_representation() {
         return Err(format!("its representation is {name}"));
     }
-    decode_payload(&letter.envelope, &letter.payload, &Limits::default())
-        .map_err(|error| error.to_string())
+    let mut message = decode_payload(&letter.envelope, &letter.payload, &Limits::default())
+        .map_err(|error| error.to_string())?;
+    // Some platforms write only into the envelope where their agents can be answered.
+    if let (Some(sender), Some(from)) = (&mut message.sender, letter.envelope.from())
+        && sender.addresses.is_empty()
+        && sender.is_same_agent(from)
+    {
+        sender.addresses.clone_from(&from.addresses);
+    }
+    Ok(message)
 }
 
 #[cfg(test)]

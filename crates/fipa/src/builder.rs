@@ -1,5 +1,6 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::slice::from_ref;
 use std::sync::Arc;
 
 use fipa_acl::Text;
@@ -8,11 +9,14 @@ use fipa_dsd::{DEFAULT_AGENTS, InterfaceSelector, MDNS_PORT, MdnsConfig};
 use fipa_mts::{Config, Mts, OutboxConfig};
 use fipa_outbox::Opened;
 use fipa_transport::Listener;
+use fipa_transport::http::HttpServer;
 
 use crate::addresses::{self, reached_at, socket_address};
 use crate::backend::Backend;
 use crate::clock::Clock;
 use crate::discovery::{self, Discovery};
+use crate::http;
+use crate::management;
 use crate::names::{self, NameLock};
 use crate::node::{Hub, Node};
 use crate::{Error, Platform};
@@ -36,7 +40,11 @@ pub struct PlatformBuilder {
     max_letter: Option<usize>,
     state: Option<PathBuf>,
     outbox: OutboxConfig,
+    http: Option<(String, String)>,
 }
+
+/// Octets of the largest letter, unless told otherwise.
+const MAX_LETTER: usize = 256 << 20;
 
 impl PlatformBuilder {
     pub(crate) fn new() -> PlatformBuilder {
@@ -54,6 +62,7 @@ impl PlatformBuilder {
             max_letter: None,
             state: None,
             outbox: OutboxConfig::default(),
+            http: None,
         }
     }
 
@@ -88,6 +97,10 @@ impl PlatformBuilder {
     }
 
     /// Adds the address of a platform that is dialled for ever. mDNS goes on beside it.
+    ///
+    /// A URL `http://…` is that of a platform of another make, such as JADE's: its AMS is asked for
+    /// its agents again and again. It is answered at the [HTTP endpoint](Self::http) of this one.
+    /// The name of the platform is found out, unless it stands behind a `#`.
     #[must_use]
     pub fn peer(mut self, address: impl Into<String>) -> PlatformBuilder {
         self.peers.push(address.into());
@@ -152,6 +165,16 @@ impl PlatformBuilder {
         self
     }
 
+    /// Takes letters over HTTP as well (FIPA SC00084F), as JADE posts them, at this `HOST:PORT`;
+    /// port 0 takes a free one. Others are told of `path`, such as `/acc`.
+    ///
+    /// An [advertised](Self::advertise) address `http://…` is told instead.
+    #[must_use]
+    pub fn http(mut self, endpoint: impl Into<String>, path: impl Into<String>) -> PlatformBuilder {
+        self.http = Some((endpoint.into(), path.into()));
+        self
+    }
+
     /// Binds, announces, and begins to dial. To be called within a tokio runtime.
     pub async fn start(self) -> Result<Platform, Error> {
         let mut octets = [0; 16];
@@ -160,6 +183,7 @@ impl PlatformBuilder {
         let listeners = self.bind().await?;
         let outbox = self.state.as_ref().map(fipa_outbox::open).transpose()?;
         let control = self.bind_control().await?;
+        let http = self.bind_http().await?;
         let bound: Vec<Address> = listeners.iter().map(|l| l.address().clone()).collect();
         let endpoints = self.endpoints(&bound)?;
         let (name, lock, discovery) = self.announce(instance, &bound).await?;
@@ -168,11 +192,12 @@ impl PlatformBuilder {
         config.scope = Text::from(self.scope.as_str());
         config.endpoints = endpoints;
         config.mdns_port = discovery.is_some().then_some(self.mdns_port);
+        config.http = self.urls(http.as_ref().map(|(_, url)| url))?;
         if let Some(max) = self.max_letter {
             config.max_letter = max;
             config.limits.max_octets = max;
         }
-        config.outbox = outbox.is_some().then_some(self.outbox);
+        config.outbox = outbox.is_some().then(|| self.outbox.clone());
         let clock = Clock::start();
         let node = Node::start(clock, Mts::new(config), Hub::default());
         if let Some(outbox) = outbox {
@@ -185,12 +210,26 @@ impl PlatformBuilder {
         if let Some(listener) = control {
             tasks.push(tokio::spawn(node.clone().accept_from(listener, true)));
         }
-        if self.advertise.is_empty() {
-            tasks.push(tokio::spawn(addresses::follow(node.clone(), bound)));
-        }
+        let http_bound = http.map(|(server, url)| {
+            tasks.push(tokio::spawn(server.serve(http::Inbox::of(&node))));
+            url
+        });
+        let told = |http: bool| !self.advertised(http).is_ok_and(|told| told.is_empty());
+        let follow = addresses::follow(
+            node.clone(),
+            Some(bound).filter(|_| !told(false)),
+            http_bound.filter(|_| !told(true)),
+        );
+        tasks.push(tokio::spawn(follow));
+        tasks.push(management::start(&node, &instance.to_string())?);
         for peer in &self.peers {
-            let address = peer.parse()?;
-            node.with(|now, mts, _| mts.add_peer(now, address));
+            match peer.parse()? {
+                url @ Address::Http { .. } => {
+                    let name = peer.split_once('#').map(|(_, name)| Text::from(name));
+                    tasks.push(management::start_platform(&node, url, name));
+                }
+                address => node.with(|now, mts, _| mts.add_peer(now, address)),
+            }
         }
         let discovery = discovery.map(|found| discovery::run(&node, found, lock));
         let backend = Backend::Service(node);
@@ -229,11 +268,36 @@ impl PlatformBuilder {
     /// What others are told: the advertised addresses, else the endpoints, with every address of
     /// the machine in place of the unspecified one.
     fn endpoints(&self, bound: &[Address]) -> Result<Vec<Address>, Error> {
-        if !self.advertise.is_empty() {
-            let parse = |address: &String| Ok(address.parse()?);
-            return self.advertise.iter().map(parse).collect();
+        match self.advertised(false)? {
+            told if told.is_empty() => Ok(reached_at(bound)),
+            told => Ok(told),
         }
-        Ok(reached_at(bound))
+    }
+
+    /// Under which URLs others post letters to it.
+    fn urls(&self, bound: Option<&Address>) -> Result<Vec<Address>, Error> {
+        match self.advertised(true)? {
+            told if told.is_empty() => Ok(reached_at(bound.map_or(&[], from_ref))),
+            told => Ok(told),
+        }
+    }
+
+    fn advertised(&self, http: bool) -> Result<Vec<Address>, Error> {
+        let parsed = self.advertise.iter().map(|address| address.parse());
+        let told: Vec<Address> = parsed.collect::<Result<_, _>>()?;
+        Ok(told
+            .into_iter()
+            .filter(|address| address.is_http() == http)
+            .collect())
+    }
+
+    async fn bind_http(&self) -> Result<Option<(HttpServer, Address)>, Error> {
+        let Some((endpoint, path)) = &self.http else {
+            return Ok(None);
+        };
+        let max_letter = self.max_letter.unwrap_or(MAX_LETTER);
+        let server = http::bind(endpoint, path, max_letter).await?;
+        Ok(Some(server))
     }
 
     /// Settles the name, and begins to speak mDNS.

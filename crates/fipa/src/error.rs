@@ -19,6 +19,14 @@ pub enum Error {
     /// An endpoint cannot be bound.
     #[error(transparent)]
     Bind(#[from] BindError),
+    /// The HTTP server cannot be bound.
+    #[error("cannot take letters over HTTP at {address}: {source}")]
+    Http {
+        /// Where it was to be.
+        address: fipa_directory::Address,
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// Another daemon answers at the control socket.
     #[error("another daemon answers at {}", .0.display())]
     ControlInUse(PathBuf),

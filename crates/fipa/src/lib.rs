@@ -45,6 +45,8 @@ mod conversations;
 mod discovery;
 mod error;
 mod greet;
+mod http;
+mod management;
 mod names;
 mod node;
 mod platform;
@@ -61,7 +63,8 @@ pub use conversations::{
 };
 pub use error::{Error, ReceiveError, RequestError, TrySendError};
 pub use fipa_acl::{
-    AgentId, Envelope, Expression, FipaTime, Letter, Message, Performative, Text, UserDefined,
+    AgentId, Envelope, Expression, FipaTime, Letter, Message, Performative, Representation, Text,
+    UserDefined,
 };
 pub use fipa_conversation::{Event, EventKind, Expected, Rule, Violation};
 pub use fipa_directory::{

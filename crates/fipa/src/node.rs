@@ -6,18 +6,21 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
-use fipa_acl::{Letter, Text};
+use fipa_acl::{Expression, Letter, Message, Text};
 use fipa_directory::{Address, Change, ChangeKind, Now};
 use fipa_link::{Facts, ReceiverOutcome};
 use fipa_mts::{
-    Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, RegisterError,
+    Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostedLetter,
+    RegisterError,
 };
 use fipa_outbox::Store;
+use fipa_transport::http::HttpClient;
 use fipa_transport::{Buffers, Driver, End, Handle, Listener, Stream};
 use tokio::sync::{Notify, mpsc, oneshot};
 
 use crate::clock::Clock;
 use crate::conversations::Talk;
+use crate::http;
 use crate::room::Place;
 use crate::sniffer::Tap;
 
@@ -28,7 +31,12 @@ pub(crate) struct Node<M> {
     buffers: Arc<Buffers>,
     runtime: tokio::runtime::Handle,
     timer: Arc<Notify>,
+    http: HttpClient,
+    questions: Arc<Questions>,
 }
+
+/// Who waits for an answer to a question of the platform itself, by the tag of the answer.
+pub(crate) type Questions = Mutex<HashMap<Expression, oneshot::Sender<Message>>>;
 
 struct State<M> {
     machine: M,
@@ -188,6 +196,8 @@ impl<M: Machine + Send + 'static> Node<M> {
             buffers: Arc::default(),
             runtime: tokio::runtime::Handle::current(),
             timer: Arc::clone(&timer),
+            http: HttpClient::new(),
+            questions: Arc::default(),
         });
         tokio::spawn(run_timers(Arc::downgrade(&node), timer));
         node.with(|_, _, _| ());
@@ -216,6 +226,10 @@ impl<M: Machine + Send + 'static> Node<M> {
             let closed = self.runtime.spawn_blocking(move || store.close());
             let _ = closed.await;
         }
+    }
+
+    pub(crate) fn questions(&self) -> Arc<Questions> {
+        Arc::clone(&self.questions)
     }
 
     /// Runs a stream that was accepted.
@@ -284,12 +298,20 @@ impl<M: Machine + Send + 'static> Node<M> {
         }
     }
 
+    async fn post(self: Arc<Self>, letter: PostedLetter) {
+        let result = http::post(&self.http, &letter).await;
+        self.with(|now, machine, _| machine.posted(now, letter.post, result));
+    }
+
     /// Does what the machine wants done. A connection that is at work needs no waking.
     fn act(self: &Arc<Self>, state: &mut State<M>, at_work: Option<ConnId>) {
         while let Some(output) = state.machine.poll_output() {
             match output {
                 Output::Dial { dial, addresses } => {
                     self.runtime.spawn(Arc::clone(self).dial(dial, addresses));
+                }
+                Output::Post(letter) => {
+                    self.runtime.spawn(Arc::clone(self).post(*letter));
                 }
                 Output::Transmit(conn) if Some(conn) == at_work => {}
                 Output::Transmit(conn) => {
@@ -393,6 +415,7 @@ fn tell(hub: &mut Hub, output: Output) {
             }
         }
         Output::Dial { .. }
+        | Output::Post(_)
         | Output::Transmit(_)
         | Output::Close(_)
         | Output::Finish(_)

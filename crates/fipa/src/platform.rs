@@ -143,6 +143,15 @@ impl Platform {
         }
     }
 
+    /// Under which URLs letters are posted to this platform over HTTP now; empty where it takes
+    /// none, and for an attached one.
+    pub fn http_urls(&self) -> Vec<Address> {
+        match &self.inner.backend {
+            Backend::Service(node) => node.with(|_, mts, _| mts.config().http.clone()),
+            Backend::Program(_) => Vec::new(),
+        }
+    }
+
     /// Registers an agent under this name.
     pub async fn agent(&self, name: impl Into<Text>) -> Result<Agent, Error> {
         self.register(Registration::new(name)).await

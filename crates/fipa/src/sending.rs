@@ -196,7 +196,7 @@ pub(crate) fn failed(
 }
 
 /// The letter around a message: addressed as the message is, dated now.
-fn letter(mut message: Message, now: i64) -> Result<Letter, String> {
+pub(crate) fn letter(mut message: Message, now: i64) -> Result<Letter, String> {
     let receivers = message.receiver.clone();
     // A pattern such as (a|b)@x is no word, which a name within a message must be; the envelope,
     // which alone decides where the letter goes, takes any text.

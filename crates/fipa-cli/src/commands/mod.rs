@@ -2,14 +2,17 @@
 //! process.
 
 pub mod agents;
+pub mod ams;
 pub mod attach;
 pub mod decode;
+pub mod df;
 pub mod doctor;
 pub mod echo;
 pub mod encode;
 pub mod hiac;
 pub mod listen;
 pub mod ping;
+pub mod platform;
 pub mod protocol;
 pub mod send;
 pub mod sniff;

@@ -15,6 +15,8 @@ pub(super) fn layer(env: impl Fn(&str) -> Option<String>) -> Result<Layer, Optio
     Ok(Layer {
         name: one(env, "FIPAD_NAME", value::name)?,
         listen: list(env, "FIPAD_LISTEN", value::listen_address)?,
+        http: one(env, "FIPAD_HTTP", value::http_endpoint)?,
+        http_path: one(env, "FIPAD_HTTP_PATH", value::http_path)?,
         advertise: list(env, "FIPAD_ADVERTISE", value::peer_address)?,
         scope: one(env, "FIPAD_SCOPE", value::scope)?,
         interface: list(env, "FIPAD_INTERFACE", value::interface)?,

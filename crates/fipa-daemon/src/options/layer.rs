@@ -23,6 +23,13 @@ pub(crate) struct Layer {
     /// An endpoint, repeatable; port 0 takes a free port [default: tcp://127.0.0.1:0]
     #[arg(long, value_name = "URL|HOST:PORT", value_parser = value::listen_address)]
     pub(crate) listen: Option<Vec<Address>>,
+    /// Where letters are taken over HTTP, as JADE posts them; port 0 takes a free port [default:
+    /// nowhere]
+    #[arg(long, value_name = "HOST:PORT", value_parser = value::http_endpoint)]
+    pub(crate) http: Option<String>,
+    /// The path of the URL under which others post them [default: /acc]
+    #[arg(long, value_name = "PATH", value_parser = value::http_path)]
+    pub(crate) http_path: Option<String>,
     /// What others are told instead of the endpoints, repeatable
     #[arg(long, value_name = "URL", value_parser = value::peer_address)]
     pub(crate) advertise: Option<Vec<Address>>,
@@ -88,6 +95,8 @@ impl Layer {
         Layer {
             name: self.name.or(weaker.name),
             listen: self.listen.or(weaker.listen),
+            http: self.http.or(weaker.http),
+            http_path: self.http_path.or(weaker.http_path),
             advertise: self.advertise.or(weaker.advertise),
             scope: self.scope.or(weaker.scope),
             interface: self.interface.or(weaker.interface),
@@ -116,6 +125,8 @@ impl Layer {
         Options {
             name: self.name.filter(|name| !name.is_empty()),
             listen: self.listen.unwrap_or(default.listen),
+            http: self.http.filter(|endpoint| !endpoint.is_empty()),
+            http_path: self.http_path.unwrap_or(default.http_path),
             advertise: self.advertise.unwrap_or(default.advertise),
             scope: self.scope.unwrap_or(default.scope),
             interface: self.interface.unwrap_or(default.interface),

@@ -41,14 +41,43 @@ pub(crate) fn scope(text: &str) -> Result<String, String> {
 
 /// An endpoint to listen on.
 pub(crate) fn listen_address(text: &str) -> Result<Address, String> {
+    match address(text)? {
+        Address::Http { .. } => Err(format!("{text:?}: letters over HTTP are taken at --http")),
+        address => Ok(address),
+    }
+}
+
+fn address(text: &str) -> Result<Address, String> {
     text.parse()
-        .map_err(|error: ParseAddressError| error.to_string())
+        .map_err(|error: ParseAddressError| error.to_string().replace(char::is_control, "?"))
+}
+
+/// Where letters are taken over HTTP.
+pub(crate) fn http_endpoint(text: &str) -> Result<String, String> {
+    let bare = text.strip_prefix("http://").unwrap_or(text);
+    match bare.parse() {
+        Ok(Address::Tcp { .. }) if !bare.contains("://") => Ok(bare.to_owned()),
+        _ => Err(format!(
+            "{text:?} is not HOST:PORT, such as 192.168.1.5:7778"
+        )),
+    }
+}
+
+/// The path of a URL.
+pub(crate) fn http_path(text: &str) -> Result<String, String> {
+    let is_path = text.starts_with('/') && text.bytes().all(|octet| octet.is_ascii_graphic());
+    match is_path && !text.contains(['?', '#']) {
+        true => Ok(text.to_owned()),
+        false => Err(format!("{text:?} is not a path, such as /acc")),
+    }
 }
 
 /// An endpoint to connect to: one with a port.
 pub(crate) fn peer_address(text: &str) -> Result<Address, String> {
-    match listen_address(text)? {
-        Address::Tcp { port: 0, .. } => Err(format!("{text:?}: nobody can connect to port 0")),
+    match address(text)? {
+        Address::Tcp { port: 0, .. } | Address::Http { port: 0, .. } => {
+            Err(format!("{text:?}: nobody can connect to port 0"))
+        }
         address => Ok(address),
     }
 }

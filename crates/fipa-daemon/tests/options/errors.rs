@@ -17,7 +17,14 @@ fn wrong_places_in_the_file_are_named() {
             r#"1:1: unknown key "max_letter" (did you mean "max-letter"?)"#,
         ),
         ("# é\n[devices]\n", r#"2:2: unknown key "devices""#),
-        ("http = '127.0.0.1:80'", r#"1:1: unknown key "http""#),
+        (
+            "http = '127.0.0.1'",
+            r#"1:8: http: "127.0.0.1" is not HOST:PORT, such as 192.168.1.5:7778"#,
+        ),
+        (
+            "http-path = 'acc'",
+            r#"1:13: http-path: "acc" is not a path, such as /acc"#,
+        ),
         (
             "json = 1\n'a' = 2",
             "1:8: json: this takes true or false, not a whole number",
@@ -41,7 +48,7 @@ fn wrong_places_in_the_file_are_named() {
         ),
         (
             "listen = 'http://a:1'",
-            r#"1:10: listen: "http://" is no transport"#,
+            r#"1:10: listen: "http://a:1": letters over HTTP are taken at --http"#,
         ),
         (
             "listen = []",
@@ -150,7 +157,11 @@ fn wrong_options_are_one_line() {
             &["dmeo"],
             "unrecognized subcommand 'dmeo' (did you mean 'demo'?)",
         ),
-        (&["--http", "a:1"], "unexpected argument '--http' found"),
+        (
+            &["--http", "https://a:1"],
+            "invalid value 'https://a:1' for '--http <HOST:PORT>': \"https://a:1\" is not \
+             HOST:PORT, such as 192.168.1.5:7778",
+        ),
         (&["--store", "d"], "unexpected argument '--store' found"),
         (
             &["--listen"],

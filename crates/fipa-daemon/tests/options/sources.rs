@@ -56,6 +56,8 @@ fn every_option_can_be_given_in_every_source() {
             "0.0.0.0:4100".parse().unwrap(),
             "unix:///a".parse().unwrap(),
         ],
+        http: Some("robot1:7778".into()),
+        http_path: "/mts".into(),
         advertise: vec!["tcp://robot1:4100".parse().unwrap()],
         scope: "plant".into(),
         interface: vec!["wlan0".parse().unwrap(), "10.0.0.0/8".parse().unwrap()],
@@ -86,7 +88,7 @@ fn every_option_can_be_given_in_every_source() {
         outbox: OutboxConfig::default(),
     };
     let words = "--name robot1 --listen tcp://0.0.0.0:4100 --listen unix:///a \
-                 --advertise tcp://robot1:4100 --scope plant --interface wlan0 \
+                 --http robot1:7778 --http-path /mts --advertise tcp://robot1:4100 --scope plant --interface wlan0 \
                  --interface 10.0.0.0/8 --no-mdns --mdns-agents 20 --mdns-port 5454 \
                  --peer [::1]:1 --peer b:2 \
                  --control /run/x.sock --json --hiac tcp://127.0.0.1:0?listen \
@@ -100,6 +102,8 @@ fn every_option_can_be_given_in_every_source() {
     let text = r#"
         name = "robot1"
         listen = ["tcp://0.0.0.0:4100", "unix:///a"]
+        http = "robot1:7778"
+        http-path = "/mts"
         advertise = "tcp://robot1:4100"
         scope = "plant"
         interface = ["wlan0", "10.0.0.0/8"]
@@ -120,6 +124,8 @@ fn every_option_can_be_given_in_every_source() {
     let variables = [
         ("FIPAD_NAME", "robot1"),
         ("FIPAD_LISTEN", "tcp://0.0.0.0:4100,unix:///a"),
+        ("FIPAD_HTTP", "http://robot1:7778"),
+        ("FIPAD_HTTP_PATH", "/mts"),
         ("FIPAD_ADVERTISE", "robot1:4100"),
         ("FIPAD_SCOPE", "plant"),
         ("FIPAD_INTERFACE", "wlan0 10.0.0.0/8"),
@@ -207,7 +213,7 @@ fn the_default_file_is_the_defaults() {
     let keys: Vec<&str> = keys
         .filter(|line| line.starts_with(|c: char| c.is_alphabetic() || c == '['))
         .collect();
-    assert_eq!(keys.len(), 24);
+    assert_eq!(keys.len(), 26);
     let text = keys.join("\n");
     let given = Given {
         file: Some(&text),

@@ -81,7 +81,7 @@ fn done_action(answer: &Message) -> Result<Term, AnswerError> {
 }
 
 /// The objects in what stands behind the action or the query.
-fn objects<T>(
+pub(super) fn objects<T>(
     answer: &Message,
     operator: &'static str,
     read: impl Fn(&Term) -> Result<T, FrameError>,

@@ -17,11 +17,13 @@
 //! ```
 
 mod answers;
+mod platforms;
 mod requests;
 
 pub use answers::{
     AnswerError, agents_result, description_result, done, notification, registered, search_result,
 };
+pub use platforms::{platform_answer, platform_request, platform_result, requested_platform};
 pub use requests::{
     ams_deregister_request, ams_description_request, ams_register_request, ams_search_request,
     df_cancel_request, df_deregister_request, df_modify_request, df_register_request,

@@ -90,7 +90,7 @@ pub fn ams_deregister_request(ams: &AgentId, agent: &AgentId) -> Message {
     request(ams, "deregister", [Term::from(&description)])
 }
 
-fn request<const N: usize>(
+pub(super) fn request<const N: usize>(
     agent: &AgentId,
     function: &'static str,
     arguments: [Term; N],

@@ -176,10 +176,7 @@ impl Mts {
             }
             (Some(foreign), _) => foreign.addresses.clone(),
         };
-        let target = match addresses.is_empty() {
-            true => Target::Post,
-            false => Target::Seed(self.seed_for(now, addresses)),
-        };
+        let target = self.target_at(now, &addresses);
         if let Some(delivery) = self.deliveries.get_mut(&id) {
             delivery.target = target;
         }

@@ -7,10 +7,10 @@
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
-use fipa_acl::{FipaTime, Representation, Text};
+use fipa_acl::{Envelope, FipaTime, Representation, Text};
 use fipa_codec::{
-    EnvelopeRepresentation, Form, Limits, Output as Encoded, bit_efficient, decode_envelope,
-    detect, payload_representation,
+    Dialect, EncodeError, EnvelopeRepresentation, Form, Limits, Output as Encoded, bit_efficient,
+    decode_envelope, detect, payload_representation,
 };
 use fipa_directory::Now;
 use fipa_link::{Outcome, PREAMBLE, ReceiverOutcome};
@@ -203,13 +203,13 @@ impl Mts {
             self.caller_notice(from, size, &reason);
             return;
         }
-        let came_as = match EnvelopeRepresentation::detect(&octets) {
-            Some(EnvelopeRepresentation::BitEfficient) => EnvelopeRepresentation::BitEfficient,
-            _ => EnvelopeRepresentation::Xml,
+        let dialect = match EnvelopeRepresentation::detect(&octets) {
+            Some(EnvelopeRepresentation::BitEfficient) => Dialect::Cpp,
+            _ => Dialect::JadeBridge,
         };
         match read_letter(now, octets, &self.config.limits) {
             Ok(inbound) => {
-                let letter = Box::new(Returnable::new(&inbound, came_as));
+                let letter = Box::new(Returnable::new(&inbound, dialect));
                 let origin = Origin::Caller {
                     from,
                     octets: size,
@@ -257,7 +257,7 @@ fn may_begin_xml(octets: &[u8]) -> bool {
 /// Reads a letter that fills its connection.
 fn read_letter(now: Now, octets: Bytes, limits: &Limits) -> Result<Inbound, String> {
     let unreadable = |error: &dyn std::fmt::Display| format!("it cannot be read: {error}");
-    let (mut envelope, at) = decode_envelope(&octets, limits).map_err(|e| unreadable(&e))?;
+    let (envelope, at) = decode_envelope(&octets, limits).map_err(|e| unreadable(&e))?;
     let payload = octets.slice(at..);
     let come = payload.len() as u64;
     if let Some(announced) = envelope.payload_length()
@@ -268,28 +268,42 @@ fn read_letter(now: Now, octets: Bytes, limits: &Limits) -> Result<Inbound, Stri
         ));
     }
     let in_bits = EnvelopeRepresentation::detect(&octets);
-    let (parts, payload) = if in_bits == Some(EnvelopeRepresentation::BitEfficient) {
-        (vec![octets], at)
-    } else {
-        // Our links carry bit-efficient envelopes, which need what XML may leave out.
-        if envelope.base.acl_representation.is_none() {
-            let seen = payload_representation(&envelope, &payload);
-            envelope.base.acl_representation = seen.or(Some(Representation::String));
-        }
-        let date = FipaTime::from_unix_millis(now.unix_millis);
-        envelope.base.date.get_or_insert(date);
-        let mut head = Encoded::new();
-        bit_efficient::encode_envelope(&envelope, &mut head).map_err(|e| unreadable(&e))?;
-        let head = head.take_bytes();
-        let at = head.len();
-        (vec![head, payload], at)
-    };
+    if in_bits != Some(EnvelopeRepresentation::BitEfficient) {
+        return inbound(now, envelope, payload, "tcp").map_err(|e| unreadable(&e));
+    }
     Ok(Inbound {
-        parts,
+        parts: vec![octets],
         envelope,
-        payload,
+        payload: at,
         from: None,
         via: Some("tcp"),
+        patterns: true,
+    })
+}
+
+/// A letter whose envelope was in XML. Our links carry bit-efficient envelopes, which need what XML
+/// may leave out.
+pub(super) fn inbound(
+    now: Now,
+    mut envelope: Envelope,
+    payload: Bytes,
+    via: &'static str,
+) -> Result<Inbound, EncodeError> {
+    if envelope.base.acl_representation.is_none() {
+        let seen = payload_representation(&envelope, &payload);
+        envelope.base.acl_representation = seen.or(Some(Representation::String));
+    }
+    let date = FipaTime::from_unix_millis(now.unix_millis);
+    envelope.base.date.get_or_insert(date);
+    let mut head = Encoded::new();
+    bit_efficient::encode_envelope(&envelope, &mut head)?;
+    let head = head.take_bytes();
+    Ok(Inbound {
+        payload: head.len(),
+        parts: vec![head, payload],
+        envelope,
+        from: None,
+        via: Some(via),
         patterns: true,
     })
 }

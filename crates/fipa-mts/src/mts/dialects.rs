@@ -31,7 +31,8 @@ pub(super) struct Foreign {
 }
 
 impl Foreign {
-    fn payload(&self) -> Bytes {
+    /// The payload in one piece.
+    pub(super) fn payload(&self) -> Bytes {
         joined(&self.parts, self.payload)
     }
 }

@@ -10,6 +10,8 @@ mod doors;
 mod duplicates;
 mod facts;
 mod gossip;
+mod http;
+mod jade;
 mod late;
 mod moves;
 mod neighbours;
@@ -17,6 +19,7 @@ mod notices;
 mod outbox;
 mod peer;
 mod peers;
+mod platforms;
 mod posting;
 mod programs;
 mod routing;
@@ -44,6 +47,7 @@ use self::deliveries::{Delivery, Origin, Pending};
 use self::dialling::Purpose;
 use self::doors::Doors;
 use self::gossip::Gossip;
+use self::http::Recent;
 use self::late::Late;
 use self::moves::Held;
 use self::neighbours::Neighbour;
@@ -56,8 +60,8 @@ use self::seeds::Seeds;
 use self::seen::Seen;
 use self::tap::Tap;
 use crate::machine::{
-    ConnId, Connected, DialId, Ended, Machine, Notice, Output, REPLY_BY, RegisterError,
-    Registration, Submission,
+    ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostFailure, PostId, REPLY_BY,
+    RegisterError, Registration, Submission,
 };
 use crate::mailbox::Lately;
 use crate::{Config, Mailbox};
@@ -89,6 +93,8 @@ pub struct Mts {
     /// Agents of ours that C++ robots are not told of, and why.
     left_out: BTreeMap<Text, Text>,
     post: Post,
+    /// Letters that were posted to us, to recognise those that come again.
+    recent: Recent,
     dials: HashMap<DialId, Purpose>,
     locals: HashMap<Text, Local>,
     /// Letters taken in whose outcomes are not all known.
@@ -146,6 +152,7 @@ impl Mts {
             neighbours: HashMap::new(),
             left_out: BTreeMap::new(),
             post: Post::default(),
+            recent: Recent::default(),
             dials: HashMap::new(),
             locals: HashMap::new(),
             pending: HashMap::new(),
@@ -225,6 +232,10 @@ impl Machine for Mts {
             Some(open) => open.poll_transmit(),
             None => self.post.poll_transmit(conn),
         }
+    }
+
+    fn posted(&mut self, now: Now, post: PostId, result: Result<(), PostFailure>) {
+        self.post_answered(now, post, result);
     }
 
     fn poll_timeout(&self) -> Option<Duration> {

@@ -1,4 +1,5 @@
-//! Agents of other makes: found by mDNS, without a message transport service of ours.
+//! Agents of other makes: found by mDNS or listed by the AMS of their platform, without a message
+//! transport service of ours.
 
 use fipa_acl::Text;
 use fipa_directory::{Address, Entry, InstanceId, Now, Record, Source};
@@ -11,8 +12,28 @@ use crate::machine::{Announced, Output};
 #[derive(Debug)]
 pub(super) struct Neighbour {
     pub(super) entry: Entry,
+    /// The platform whose AMS lists it; otherwise it was found by mDNS.
+    pub(super) platform: Option<Text>,
     /// The network was asked whether it is still there, and has not answered yet.
     asked: bool,
+}
+
+impl Neighbour {
+    /// An agent that the AMS of a platform lists.
+    pub(super) fn listed(entry: Entry, platform: Text) -> Neighbour {
+        Neighbour {
+            entry,
+            platform: Some(platform),
+            asked: false,
+        }
+    }
+
+    fn source(&self) -> Source {
+        match self.platform {
+            Some(_) => Source::Ams,
+            None => Source::Mdns,
+        }
+    }
 }
 
 /// Who vouches for an agent of another make: nobody that could be asked. The id begins with eight
@@ -44,6 +65,7 @@ impl Mts {
         let name = entry.name.clone();
         let neighbour = Neighbour {
             entry,
+            platform: None,
             asked: false,
         };
         self.neighbours.insert(name.clone(), neighbour);
@@ -53,6 +75,13 @@ impl Mts {
 
     /// mDNS does not know the agent any more. Letters that wait for it fail.
     pub fn neighbour_gone(&mut self, now: Now, name: &str) {
+        let known = self.neighbours.get(name);
+        if known.is_some_and(|neighbour| neighbour.source() == Source::Mdns) {
+            self.forget_neighbour(now, name);
+        }
+    }
+
+    pub(super) fn forget_neighbour(&mut self, now: Now, name: &str) {
         if self.neighbours.remove(name).is_none() {
             return;
         }
@@ -71,11 +100,12 @@ impl Mts {
             return;
         };
         let (owner, entry) = (owner_of(name), neighbour.entry.clone());
+        let source = neighbour.source();
         let known = |record: &Record| record.owner != owner && is_same(&record.entry, &entry);
         if self.directory.find_all(name).iter().any(known) {
             self.directory.remove(now, owner, name);
         } else {
-            self.directory.put(now, owner, Source::Mdns, entry);
+            self.directory.put(now, owner, source, entry);
         }
     }
 
@@ -91,6 +121,7 @@ impl Mts {
     /// A neighbour could not be reached: is it there?
     pub(super) fn doubt_neighbour(&mut self, name: &Text) {
         if let Some(neighbour) = self.neighbours.get_mut(name)
+            && neighbour.source() == Source::Mdns
             && !std::mem::replace(&mut neighbour.asked, true)
         {
             let name = Announced::Agent(name.clone());

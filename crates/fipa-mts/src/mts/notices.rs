@@ -8,8 +8,8 @@
 use bytes::Bytes;
 use fipa_acl::{AgentId, Envelope, FipaTime, Message, Representation, Slots, Text};
 use fipa_codec::{
-    Dialect, EnvelopeRepresentation, Output as Encoded, bit_efficient, decode_payload,
-    encode_message_as, payload_encoding, payload_representation,
+    Dialect, Output as Encoded, bit_efficient, decode_payload, encode_message_as, payload_encoding,
+    payload_representation,
 };
 use fipa_directory::Now;
 use fipa_link::{Outcome, ReceiverOutcome};
@@ -34,15 +34,12 @@ pub(super) struct Returnable {
 }
 
 impl Returnable {
-    /// A letter that came in an envelope of this representation.
-    pub(super) fn new(inbound: &Inbound, came_as: EnvelopeRepresentation) -> Returnable {
+    /// A letter that came, written in this dialect.
+    pub(super) fn new(inbound: &Inbound, dialect: Dialect) -> Returnable {
         Returnable {
             envelope: inbound.envelope.clone(),
             payload: joined(&inbound.parts, inbound.payload),
-            dialect: match came_as {
-                EnvelopeRepresentation::BitEfficient => Dialect::Cpp,
-                EnvelopeRepresentation::Xml => Dialect::JadeBridge,
-            },
+            dialect,
         }
     }
 

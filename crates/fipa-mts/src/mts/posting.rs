@@ -25,7 +25,7 @@ use fipa_link::Outcome;
 
 use super::Mts;
 use super::dialects::{self, Foreign};
-use crate::machine::{ConnId, DialId, Ended, Output};
+use crate::machine::{ConnId, DialId, Ended, Output, PostId};
 
 /// Connections to all services of other makes at once. A stalled one keeps its connections until
 /// the deadlines of the letters, so it takes very many of them to keep others waiting.
@@ -50,7 +50,9 @@ pub(super) struct Post {
     queue: VecDeque<u64>,
     dials: HashMap<DialId, Trip>,
     conns: HashMap<ConnId, Trip>,
-    /// Dials and connections to each address.
+    /// Letters that are being posted over HTTP, and where to.
+    posted: HashMap<PostId, (u64, Address)>,
+    /// Dials, posts and connections to each address.
     busy: HashMap<Address, usize>,
     /// Receivers whose first letter is to be tried.
     due: VecDeque<Text>,
@@ -75,6 +77,8 @@ struct Attempt {
     failures: Vec<String>,
     /// What it is being written to.
     conn: Option<ConnId>,
+    /// It is being posted over HTTP.
+    posted: bool,
 }
 
 /// A letter on its way to an address.
@@ -103,7 +107,8 @@ impl Post {
         let place = |id: &u64| self.attempts.get(id)?.places.front();
         let is_free = |(address, _): &(Address, Dialect)| {
             let busy = self.busy.get(address).copied().unwrap_or_default();
-            busy < MAX_AN_ADDRESS && self.dials.len() + self.conns.len() < MAX_CONNECTIONS
+            let all = self.dials.len() + self.conns.len() + self.posted.len();
+            busy < MAX_AN_ADDRESS && all < MAX_CONNECTIONS
         };
         let mut queue = self.queue.iter();
         let at = queue.position(|id| place(id).is_some_and(is_free))?;
@@ -119,6 +124,32 @@ impl Post {
             attempt.possible = true;
         }
         self.dials.insert(dial, trip);
+    }
+
+    pub(super) fn set_out_posted(&mut self, post: PostId, delivery: u64, address: Address) {
+        *self.busy.entry(address.clone()).or_default() += 1;
+        if let Some(attempt) = self.attempts.get_mut(&delivery) {
+            attempt.possible = true;
+            attempt.posted = true;
+        }
+        self.posted.insert(post, (delivery, address));
+    }
+
+    /// Where a letter was tried, somebody said "no".
+    pub(super) fn is_refused(&mut self, delivery: u64) {
+        if let Some(attempt) = self.attempts.get_mut(&delivery) {
+            attempt.possible = false;
+        }
+    }
+
+    /// A letter is not being posted any more.
+    pub(super) fn come_back(&mut self, post: PostId) -> Option<(u64, Address)> {
+        let (delivery, address) = self.posted.remove(&post)?;
+        if let Some(attempt) = self.attempts.get_mut(&delivery) {
+            attempt.posted = false;
+        }
+        self.release(&address);
+        Some((delivery, address))
     }
 
     /// A connection to this address is over.
@@ -159,7 +190,7 @@ impl Mts {
     }
 
     /// Begins with letters whose turn it is, and dials while connections are free.
-    fn run_post(&mut self, now: Now) {
+    pub(super) fn run_post(&mut self, now: Now) {
         if std::mem::replace(&mut self.post.running, true) {
             return;
         }
@@ -218,6 +249,12 @@ impl Mts {
 
     fn place(&self, location: &Location) -> Result<(Address, Dialect), String> {
         let (at, signature) = (&location.address, &location.signature);
+        if let Ok(address @ Address::Http { .. }) = at.parse() {
+            return match self.config.http.contains(&address) {
+                true => Err(format!("{at}: this is the service itself")),
+                false => Ok((address, Dialect::Jade)),
+            };
+        }
         let Some(dialect) = dialects::of_signature(signature) else {
             return Err(format!("{at}: {signature:?} is not spoken here"));
         };
@@ -226,7 +263,7 @@ impl Mts {
                 Err(format!("{at}: this is the service itself"))
             }
             Ok(address @ Address::Tcp { .. }) => Ok((address, dialect)),
-            Ok(Address::Unix(_)) => Err(format!("{at}: it is a socket of another host")),
+            Ok(_) => Err(format!("{at}: it is a socket of another host")),
             Err(error) => Err(format!("{at}: {error}")),
         }
     }
@@ -260,27 +297,38 @@ impl Mts {
         let Some((id, address, dialect)) = next else {
             return false;
         };
-        match self.written_for(id, &address, dialect) {
-            Ok(parts) => {
-                let trip = Trip {
-                    delivery: id,
-                    address: address.clone(),
-                    parts: parts.into(),
-                };
-                let dial = DialId(self.id());
-                self.post.set_out(dial, trip);
-                let addresses = vec![address];
-                self.outputs.push_back(Output::Dial { dial, addresses });
-            }
-            Err(reason) => {
-                if let Some(attempt) = self.post.attempts.get_mut(&id) {
-                    attempt.failures.push(format!("{address}: {reason}"));
-                    attempt.places.pop_front();
-                }
-                self.try_place(now, id);
-            }
+        let set_out = match address.is_http() {
+            true => self.post_over_http(now, id, &address),
+            false => self.dial_with(id, &address, dialect),
+        };
+        if let Err(reason) = set_out {
+            self.place_refused(now, id, format!("{address}: {reason}"));
         }
         true
+    }
+
+    fn dial_with(&mut self, id: u64, address: &Address, dialect: Dialect) -> Result<(), String> {
+        let parts = self.written_for(id, address, dialect)?;
+        let trip = Trip {
+            delivery: id,
+            address: address.clone(),
+            parts: parts.into(),
+        };
+        let dial = DialId(self.id());
+        self.post.set_out(dial, trip);
+        let addresses = vec![address.clone()];
+        self.outputs.push_back(Output::Dial { dial, addresses });
+        Ok(())
+    }
+
+    /// It is of no use to try this place again: the next one is tried.
+    pub(super) fn place_refused(&mut self, now: Now, id: u64, reason: String) {
+        if let Some(attempt) = self.post.attempts.get_mut(&id) {
+            attempt.tries = 0;
+            attempt.failures.push(reason);
+            attempt.places.pop_front();
+        }
+        self.try_place(now, id);
     }
 
     /// A letter as it is written to an address.
@@ -367,7 +415,7 @@ impl Mts {
     }
 
     /// A letter did not get to where it was tried.
-    fn place_failed(&mut self, now: Now, id: u64, reason: String) {
+    pub(super) fn place_failed(&mut self, now: Now, id: u64, reason: String) {
         let Some(attempt) = self.post.attempts.get_mut(&id) else {
             return;
         };
@@ -418,7 +466,7 @@ impl Mts {
         };
         let unwritten = |id: &&u64| {
             let attempt = self.post.attempts.get(id);
-            attempt.is_none_or(|attempt| attempt.conn.is_none())
+            attempt.is_none_or(|attempt| attempt.conn.is_none() && !attempt.posted)
         };
         let waiting = waiting.filter(by_entry).filter(unwritten);
         waiting.rev().copied().collect()
@@ -437,7 +485,7 @@ impl Mts {
     /// Whether a letter is being written: then it may arrive whatever happens here.
     pub(super) fn is_being_posted(&self, id: u64) -> bool {
         let attempt = self.post.attempts.get(&id);
-        attempt.is_some_and(|attempt| attempt.conn.is_some())
+        attempt.is_some_and(|attempt| attempt.conn.is_some() || attempt.posted)
     }
 
     /// Why a letter did not leave in time.
@@ -450,6 +498,7 @@ impl Mts {
         let at = at.unwrap_or_default();
         match attempt.conn {
             Some(_) => format!("{at} did not take the whole letter in time{tried}"),
+            None if attempt.posted => format!("{at} did not answer in time{tried}"),
             None => format!("{at} could not be reached in time{tried}"),
         }
     }

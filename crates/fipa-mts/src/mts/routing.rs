@@ -183,6 +183,11 @@ impl Mts {
         if let Some(route) = self.route_to(&receiver.name) {
             return vec![(receiver.clone(), route)];
         }
+        if let Some(name) = self.local_in_another_case(receiver)
+            && let Some(route) = self.route_to(&name)
+        {
+            return vec![(AgentId::new(name), route)];
+        }
         let nowhere = |reason: String| {
             let route = Route::Nowhere(Outcome::Unknown, Text::from(reason));
             vec![(receiver.clone(), route)]
@@ -244,12 +249,41 @@ impl Mts {
         names.find(|known| same(known)).cloned()
     }
 
+    /// The agent here that an AID with one of our URLs means: JADE does not tell names apart that
+    /// differ in case only.
+    fn local_in_another_case(&self, receiver: &AgentId) -> Option<Text> {
+        let mut urls = receiver.addresses.iter();
+        let is_ours = |url: &Text| {
+            let address = url.parse::<Address>();
+            address.is_ok_and(|address| self.config.http.contains(&address))
+        };
+        if !urls.any(is_ours) {
+            return None;
+        }
+        let mut locals = self.locals.keys();
+        let same = |name: &&Text| name.eq_ignore_ascii_case(&receiver.name);
+        locals.find(same).cloned()
+    }
+
+    /// Where a letter goes first that is to be tried at these addresses in turn: a link is looked for
+    /// at the first one, unless letters are posted there.
+    pub(super) fn target_at(&mut self, now: Now, addresses: &[Address]) -> Target {
+        match addresses.first() {
+            Some(first) if !first.is_http() => {
+                let links = addresses.iter().filter(|address| !address.is_http());
+                Target::Seed(self.seed_for(now, links.cloned().collect()))
+            }
+            _ => Target::Post,
+        }
+    }
+
     fn route_by_addresses(&self, receiver: &AgentId) -> Option<Route> {
         let addresses: Vec<Address> = receiver
             .addresses
             .iter()
             .filter_map(|url| url.parse().ok())
             .filter(|address| !self.config.endpoints.contains(address))
+            .filter(|address| !self.config.http.contains(address))
             .collect();
         (!addresses.is_empty()).then_some(Route::Addresses(addresses))
     }
@@ -271,7 +305,9 @@ impl Mts {
             Some(Local::Program(conn)) => return Some(Route::Program(*conn)),
             None => {}
         }
-        let record = self.directory.find(name)?;
+        let Some(record) = self.directory.find(name) else {
+            return self.route_to_management(name);
+        };
         if record.source == Source::Local {
             return None;
         }
@@ -312,8 +348,7 @@ impl Mts {
             Route::Neighbour => (Target::Post, Some(Vec::new())),
             Route::Addresses(mut addresses) => {
                 addresses.sort_by_key(|at| preference(&at.to_text(), &terms.transports));
-                let seed = self.seed_for(now, addresses.clone());
-                (Target::Seed(seed), Some(addresses))
+                (self.target_at(now, &addresses), Some(addresses))
             }
             Route::Held => (Target::Held, None),
             Route::Away => (Target::Away, None),

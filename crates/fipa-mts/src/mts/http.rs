@@ -1,0 +1,223 @@
+//! Letters over HTTP (FIPA SC00084F), to and from JADE: taken over by whoever answers 200, who does
+//! not say what becomes of them.
+
+use std::collections::VecDeque;
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+use std::time::Duration;
+
+use fipa_acl::Text;
+use fipa_codec::Dialect;
+use fipa_directory::{Address, Now};
+use fipa_link::Outcome;
+
+use super::Mts;
+use super::callers::{TIMEOUT, inbound};
+use super::deliveries::Origin;
+use super::jade;
+use super::notices::Returnable;
+use super::routing::Terms;
+use crate::machine::{Arrived, Output, PostFailure, PostId, PostedLetter, Refusal};
+
+/// How long a letter is recognised that comes a second time.
+const REMEMBERED: Duration = Duration::from_secs(600);
+
+/// Connections whose last letter is remembered.
+const MAX_REMEMBERED: usize = 1024;
+
+/// The last letter that came over a connection on which others had come before.
+#[derive(Debug)]
+struct Last {
+    connection: u64,
+    letter: u64,
+    at: Duration,
+}
+
+/// What came last over the connections that carried several letters, the longest ago first.
+///
+/// A sender that sees such a connection end does not know whether its letter was read, and sends
+/// it again as the first one of a new connection. Only such a copy is taken for one: whoever sends
+/// the same twice over one connection, or each letter over its own, means it.
+#[derive(Debug, Default)]
+pub(super) struct Recent(VecDeque<Last>);
+
+impl Recent {
+    /// Notes a letter. Whether it was taken in before.
+    fn is_copy(&mut self, now: Now, arrived: &Arrived) -> bool {
+        let mut hasher = DefaultHasher::new();
+        (&arrived.envelope, &arrived.payload).hash(&mut hasher);
+        let letter = hasher.finish();
+        let (connection, at) = (arrived.connection, now.mono);
+        while self.0.len() >= MAX_REMEMBERED
+            || self.0.front().is_some_and(|last| last.at + REMEMBERED < at)
+        {
+            self.0.pop_front();
+        }
+        if arrived.earlier > 0 {
+            self.0.retain(|last| last.connection != connection);
+            self.0.push_back(Last {
+                connection,
+                letter,
+                at,
+            });
+            return false;
+        }
+        let known = self.0.iter().position(|last| last.letter == letter);
+        known.is_some_and(|known| self.0.remove(known).is_some())
+    }
+}
+
+impl Mts {
+    /// A letter was posted here. `Ok`: it is taken over; what becomes of it shows later.
+    pub fn letter_arrived(&mut self, now: Now, arrived: Arrived) -> Result<(), Refusal> {
+        if self.closing {
+            return Err(Refusal::Closing);
+        }
+        let octets = arrived.envelope.len() + arrived.payload.len();
+        let max = self.config.max_letter;
+        if octets > max {
+            return Err(Refusal::TooLarge { octets, max });
+        }
+        let limits = &self.config.limits;
+        let (envelope, _) = fipa_codec::decode_envelope(&arrived.envelope, limits)
+            .map_err(|error| Refusal::Unreadable(error.to_string()))?;
+        if envelope.intended_receiver().is_empty() {
+            return Err(Refusal::Unreadable("it names no receiver".to_owned()));
+        }
+        let taken = inbound(now, envelope, arrived.payload.clone(), "http")
+            .map_err(|error| Refusal::Unreadable(error.to_string()))?;
+        if !self.recent.is_copy(now, &arrived) {
+            let origin = Origin::Caller {
+                from: arrived.remote,
+                octets,
+                letter: Box::new(Returnable::new(&taken, Dialect::Jade)),
+            };
+            self.take_in(now, origin, taken, Terms::patient_within(TIMEOUT));
+            self.publish_changes(now);
+        }
+        Ok(())
+    }
+
+    /// Sets under which URLs letters are posted to the service.
+    pub fn set_http(&mut self, urls: Vec<Address>) {
+        self.config.http = urls;
+    }
+
+    /// Posts a letter to a place for which a connection is free, or says why it cannot be written.
+    pub(super) fn post_over_http(
+        &mut self,
+        now: Now,
+        id: u64,
+        address: &Address,
+    ) -> Result<(), String> {
+        let Some(delivery) = self.deliveries.get(&id) else {
+            return Err("it is not under way any more".to_owned());
+        };
+        let foreign = delivery.foreign.as_deref();
+        let foreign = foreign.ok_or("it is not under way any more")?;
+        let own = self.http_urls(address.is_loopback());
+        let written = jade::write(foreign, address, own, &self.config.limits)?;
+        let timeout = delivery.deadline.saturating_sub(now.mono);
+        let post = PostId(self.id());
+        self.post.set_out_posted(post, id, address.clone());
+        self.outputs.push_back(Output::Post(Box::new(PostedLetter {
+            post,
+            address: address.clone(),
+            envelope: written.envelope,
+            payload: written.payload,
+            payload_type: written.payload_type,
+            timeout,
+        })));
+        Ok(())
+    }
+
+    /// Where answers can be posted by somebody on this host, or by somebody on another one, who is
+    /// not told where only this host reaches us.
+    pub fn http_urls(&self, same_host: bool) -> Vec<Text> {
+        let urls = self.config.http.iter();
+        let useful = urls.filter(|url| same_host || url.is_for_others());
+        useful.map(Address::to_text).collect()
+    }
+
+    /// What became of a letter that was to be posted.
+    pub(super) fn post_answered(
+        &mut self,
+        now: Now,
+        post: PostId,
+        result: Result<(), PostFailure>,
+    ) {
+        let Some((id, address)) = self.post.come_back(post) else {
+            return;
+        };
+        match result {
+            _ if !self.deliveries.contains_key(&id) => {}
+            Ok(()) => {
+                if let Some(sent) = self.deliveries.get_mut(&id) {
+                    sent.via = Some(address.to_text());
+                }
+                self.finish(now, id, Outcome::Sent, Text::default());
+            }
+            Err(PostFailure::Unreached(reason)) => {
+                self.place_failed(now, id, format!("{address}: {reason}"));
+            }
+            Err(failure) => {
+                if matches!(failure, PostFailure::Refused(_)) {
+                    self.post.is_refused(id);
+                }
+                let reason = format!("{address}: {failure}");
+                self.place_refused(now, id, reason);
+            }
+        }
+        self.run_post(now);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytes::Bytes;
+
+    use super::*;
+
+    fn arrived(connection: u64, earlier: u64, payload: &'static str) -> Arrived {
+        Arrived {
+            envelope: Bytes::from_static(b"<envelope/>"),
+            payload: Bytes::from_static(payload.as_bytes()),
+            remote: Text::from_static("http://10.0.0.9:1"),
+            connection,
+            earlier,
+        }
+    }
+
+    #[test]
+    fn a_letter_is_a_copy_if_it_was_the_last_of_a_connection_and_is_the_first_of_a_new_one() {
+        let (mut recent, now) = (Recent::default(), Now::default());
+        assert!(!recent.is_copy(now, &arrived(1, 0, "a")));
+        assert!(!recent.is_copy(now, &arrived(1, 1, "b")));
+        // The first letter of a connection is never sent again.
+        assert!(!recent.is_copy(now, &arrived(2, 0, "a")));
+        assert!(recent.is_copy(now, &arrived(3, 0, "b")));
+        // Once.
+        assert!(!recent.is_copy(now, &arrived(4, 0, "b")));
+    }
+
+    #[test]
+    fn the_same_letter_twice_over_one_connection_is_two_letters() {
+        let (mut recent, now) = (Recent::default(), Now::default());
+        assert!(!recent.is_copy(now, &arrived(1, 0, "a")));
+        assert!(!recent.is_copy(now, &arrived(1, 1, "a")));
+        assert!(!recent.is_copy(now, &arrived(1, 2, "a")));
+    }
+
+    #[test]
+    fn what_is_remembered_is_bounded_in_number_and_time() {
+        let mut recent = Recent::default();
+        let mut now = Now::default();
+        for connection in 0..5000 {
+            assert!(!recent.is_copy(now, &arrived(connection, 1, "a")));
+        }
+        assert!(recent.0.len() <= MAX_REMEMBERED);
+        now.mono += REMEMBERED + Duration::from_secs(1);
+        assert!(!recent.is_copy(now, &arrived(9999, 0, "a")));
+        assert!(recent.0.is_empty());
+    }
+}

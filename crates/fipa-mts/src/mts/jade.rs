@@ -1,0 +1,113 @@
+//! A letter as JADE reads it: an envelope in XML and a message in string form, with the addresses
+//! under which whoever is named in them can be answered.
+
+use bytes::{BufMut, Bytes, BytesMut};
+use fipa_acl::{AgentId, Envelope, Message, Representation, Text};
+use fipa_codec::{
+    Dialect, Limits, Output as Encoded, decode_envelope, decode_payload, encode_envelope_as,
+    encode_message_as, payload_encoding, payload_representation,
+};
+use fipa_directory::Address;
+
+use super::dialects::Foreign;
+
+/// The two parts of a letter's request.
+#[derive(Debug)]
+pub(super) struct Written {
+    pub(super) envelope: Bytes,
+    pub(super) payload: Bytes,
+    /// The media type of the payload; JADE writes the charset there as well.
+    pub(super) payload_type: Text,
+}
+
+/// The letter for one receiver at this address, or why it cannot be written so. `own` is where we
+/// are posted to.
+pub(super) fn write(
+    foreign: &Foreign,
+    address: &Address,
+    own: Vec<Text>,
+    limits: &Limits,
+) -> Result<Written, String> {
+    let head = foreign.parts.first().cloned().unwrap_or_default();
+    let (mut envelope, _) = decode_envelope(&head, limits).map_err(|e| e.to_string())?;
+    let mut payload = foreign.payload();
+    let mut encoding = envelope.payload_encoding().cloned();
+    if payload_representation(&envelope, &payload) != Some(Representation::String) {
+        payload = in_string_form(&envelope, &payload, &own, limits)
+            .map_err(|error| format!("the message cannot be put into string form: {error}"))?;
+        encoding = payload_encoding(&Representation::String, &payload, encoding.as_ref());
+    }
+    let payload = without_last_return(payload);
+    let mut overlay = foreign.overlay.clone();
+    overlay.acl_representation = Some(Representation::String);
+    overlay.payload_length = Some(payload.len() as u64);
+    overlay.payload_encoding = encoding.clone();
+    overlay.from = envelope.from().map(|from| reached_at(from, &own));
+    let there = [address.to_text()];
+    overlay.intended_receiver = vec![reached_at(&foreign.to, &there)];
+    envelope.overlays.push(overlay);
+    let (mut head, jade) = (Encoded::new(), Dialect::Jade);
+    let form = jade.envelope_representation();
+    encode_envelope_as(jade, form, &envelope, payload.len(), &mut head)
+        .map_err(|error| error.to_string())?;
+    let payload_type = match encoding {
+        Some(charset) if is_token(&charset) => Text::from(format!(
+            "{}; charset={charset}",
+            Representation::String.as_str()
+        )),
+        _ => Text::from_static("application/text"),
+    };
+    Ok(Written {
+        envelope: head.take_bytes(),
+        payload,
+        payload_type,
+    })
+}
+
+/// An agent that names no address where it could be reached, at these.
+fn reached_at(agent: &AgentId, addresses: &[Text]) -> AgentId {
+    let mut agent = agent.clone();
+    if agent.addresses.is_empty() {
+        agent.addresses = addresses.to_vec();
+    }
+    agent
+}
+
+fn in_string_form(
+    envelope: &Envelope,
+    payload: &Bytes,
+    own: &[Text],
+    limits: &Limits,
+) -> Result<Bytes, String> {
+    let message = decode_payload(envelope, payload, limits).map_err(|e| e.to_string())?;
+    let message = Message {
+        sender: message.sender.map(|sender| reached_at(&sender, own)),
+        reply_to: message
+            .reply_to
+            .iter()
+            .map(|a| reached_at(a, own))
+            .collect(),
+        ..message
+    };
+    let (mut text, form) = (Encoded::new(), Dialect::Jade.message_representation());
+    encode_message_as(Dialect::Jade, &form, &message, &mut text).map_err(|e| e.to_string())?;
+    Ok(text.take_bytes())
+}
+
+/// JADE does not see the end of a payload that ends in a carriage return. What stands behind a
+/// message is ignored by everybody.
+fn without_last_return(payload: Bytes) -> Bytes {
+    if payload.last() != Some(&b'\r') {
+        return payload;
+    }
+    let mut ended = BytesMut::with_capacity(payload.len() + 1);
+    ended.extend_from_slice(&payload);
+    ended.put_u8(b'\n');
+    ended.freeze()
+}
+
+/// Whether it can stand in a header as it is.
+fn is_token(name: &str) -> bool {
+    let allowed = |octet: u8| octet.is_ascii_alphanumeric() || b"-_.:+".contains(&octet);
+    !name.is_empty() && name.bytes().all(allowed)
+}
