@@ -8,8 +8,8 @@ use fipa_codec::{Limits, Output as Encoded, bit_efficient, decode_envelope, deco
 use fipa_directory::{Address, InstanceId, Now};
 use fipa_link::{Outcome, ReceiverOutcome};
 use fipa_mts::{
-    Arrived, Config, Machine, Mts, Output, PostFailure, PostedLetter, Refusal, Registration,
-    Submission,
+    Arrived, Config, DeliveryFailure, Machine, Mts, Output, PostFailure, PostedLetter, Refusal,
+    Registration, Submission,
 };
 
 const OWN: &str = "http://10.0.0.5:7778/acc";
@@ -96,7 +96,8 @@ impl Service {
     fn arrive(&mut self, receiver: &AgentId, connection: u64, earlier: u64) -> Result<(), Refusal> {
         let envelope = format!(
             "<?xml version=\"1.0\"?><envelope><params index=\"1\"><from><agent-identifier>\
-             <name>a@platA</name></agent-identifier></from><acl-representation>\
+             <name>a@platA</name><addresses><url>http://10.0.0.9:7778/acc</url></addresses>\
+             </agent-identifier></from><acl-representation>\
              fipa.acl.rep.string.std</acl-representation><intended-receiver><agent-identifier>\
              <name>{}</name><addresses>{}</addresses></agent-identifier></intended-receiver>\
              </params></envelope>",
@@ -275,6 +276,23 @@ fn a_letter_that_is_posted_reaches_its_receiver_with_our_stamp() {
         .arrive(&AgentId::new("ARM@robot1").address(OWN), 1, 1)
         .unwrap();
     assert_eq!(service.mail("arm@robot1"), 1);
+}
+
+#[test]
+fn whoever_posts_a_letter_for_nobody_is_told_where_it_says() {
+    let mut service = Service::new();
+    service
+        .arrive(&AgentId::new("nobody@robot1"), 1, 0)
+        .unwrap();
+    let told = service.post();
+    assert_eq!(told.address.to_string(), "http://10.0.0.9:7778/acc");
+    let limits = Limits::default();
+    let (envelope, _) = decode_envelope(&told.envelope, &limits).unwrap();
+    assert_eq!(envelope.intended_receiver()[0].name, "a@platA");
+    let message = decode_payload(&envelope, &told.payload, &limits).unwrap();
+    let failure = DeliveryFailure::of(&message).unwrap();
+    assert_eq!(failure.receivers[0].name, "nobody@robot1");
+    assert_eq!(failure.service.unwrap().name, "robot1");
 }
 
 #[test]
