@@ -7,7 +7,7 @@ use serde_json::Value;
 
 /// The groups of crates, each above those that follow.
 const GROUPS: [&[&str]; 6] = [TESTS, PROGRAMS, DOOR, SOCKETS, MACHINES, DATA];
-const TESTS: &[&str] = &["fipa-sim", "fipa-benches"];
+const TESTS: &[&str] = &["fipa-sim", "fipa-benches", "microcontroller"];
 const PROGRAMS: &[&str] = &["fipa-programs", "fipa-daemon", "fipa-cli", "fipa-json"];
 const DOOR: &[&str] = &["fipa"];
 /// Those that talk to the system: sockets, mDNS, files.

@@ -1,5 +1,6 @@
 //! HIAC devices behind one daemon, and the fleet behind another.
 
+use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
 use serde_json::Value;
 
 use crate::support::daemon::{Daemon, Place, tool};
@@ -105,4 +106,58 @@ fn a_device_that_is_killed_fails_what_it_owes_and_leaves_the_directory() {
     // It comes back under its name.
     let _drive = device(&one, "drive");
     two.wait_for("drive@robot1");
+}
+
+/// Writes the certificate of an authority, and one that it gave with its key.
+fn certify(place: &Place) {
+    let mut params = CertificateParams::new(Vec::new()).unwrap();
+    params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+    let key = KeyPair::generate().unwrap();
+    let authority = params.self_signed(&key).unwrap().pem();
+    let issuer = Issuer::new(params, key);
+    let key = KeyPair::generate().unwrap();
+    let params = CertificateParams::new(["127.0.0.1".to_owned()]).unwrap();
+    let certificate = params.signed_by(&key, &issuer).unwrap().pem();
+    for (name, text) in [
+        ("ca.pem", authority),
+        ("cert.pem", certificate),
+        ("key.pem", key.serialize_pem()),
+    ] {
+        std::fs::write(place.path(name), text).unwrap();
+    }
+}
+
+#[test]
+fn under_tls_a_device_with_a_certificate_is_taken_and_one_without_is_not() {
+    let place = Place::new();
+    certify(&place);
+    let file = |name: &str| place.path(name).display().to_string();
+    let (cert, key, ca) = (file("cert.pem"), file("key.pem"), file("ca.pem"));
+    let listen = format!("tls://127.0.0.1:0?listen&cert={cert}&key={key}&ca={ca}");
+    let group = "20:C4:D2:00/00:00:00:FF";
+    let one = place.start_with("robot1", &["--hiac", &listen, "--hiac-address", group]);
+    let bound = one.ready["hiac"][0].as_str().unwrap();
+    let dial = bound.split_once('?').unwrap().0;
+    let device = |url: &str, name: &str| {
+        Process::start(tool(&["hiac", "device", url, "--name", name, "--json"]))
+    };
+    let mut stranger = device(&format!("{dial}?ca={ca}"), "stranger");
+    let mut drive = device(&format!("{dial}?cert={cert}&key={key}&ca={ca}"), "drive");
+    assert_eq!(drive.json()["event"], "connected");
+    one.wait_for("drive@robot1");
+    let mut query = say(&one, "query-ref", "where are you");
+    assert_eq!(query.json()["outcome"], "delivered");
+    assert_eq!(message(&mut query)["content"], "where are you");
+    let devices = one.run(&["hiac", "devices", "--json"]);
+    assert_eq!(devices.output.len(), 1, "{devices:?}");
+    stranger.signal(rustix::process::Signal::TERM);
+    while let Some(line) = stranger.line_or_end() {
+        assert!(!line.contains("connected"), "{line}");
+    }
+
+    let unverified = tool(&["hiac", "device", dial]);
+    let unverified = crate::support::process::run(unverified);
+    assert_eq!(unverified.code, Some(2), "{unverified:?}");
+    let said = unverified.errors.join(" ");
+    assert!(said.contains("cannot be verified"), "{said}");
 }

@@ -26,11 +26,11 @@ fn letter_fault(octets: Vec<u8>) -> Fault {
 }
 
 /// The most address space that this process ever had, in octets, where the system tells.
-fn peak() -> usize {
+fn peak() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|line| line.starts_with("VmPeak:"));
     let number = line.and_then(|line| line.split_whitespace().nth(1));
-    number.map_or(0, |number| number.parse::<usize>().unwrap() * 1024)
+    number.map_or(0, |number| number.parse::<u64>().unwrap() * 1024)
 }
 
 /// One test, so that nothing else allocates meanwhile.

@@ -47,7 +47,7 @@ pub(crate) const KEYS: [&str; 19] = [
 ];
 
 /// The tables, which have no option.
-const TABLES: [&str; 3] = ["hiac-devices", "hiac-aliases", "outbox"];
+const TABLES: [&str; 4] = ["hiac-devices", "hiac-aliases", "text-agents", "outbox"];
 
 /// What a file says.
 pub(crate) fn load(file: &Path) -> Result<Layer, OptionsError> {
@@ -147,6 +147,9 @@ fn put(
         }
         "text" => layer.text = Some(entry.list(value::text_endpoint)?),
         "log-letters" => layer.log_letters = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
+        "text-agents" => {
+            layer.text_agents = Some(entry.strings(value::text_agent, value::text_endpoint)?);
+        }
         "max-letter" => layer.max_letter = Some(entry.number(value::letter_size)?),
         "state" => layer.state = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
         "outbox" => layer.outbox = Some(outbox::read(&entry)?),

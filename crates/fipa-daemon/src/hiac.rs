@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use fipa::{Change, ChangeKind, Platform, Registration, Text};
 use fipa_gateway::{HiacGateway, HiacOutput};
-use hiac::links::{Endpoint, Node, NodeEvent};
+use hiac::links::{Endpoint, Node, NodeEvent, Place};
 use hiac::station::StationConfig;
 
 use crate::fleet::{Fleet, FleetEvent};
@@ -40,8 +40,10 @@ impl HiacService {
         platform: &Platform,
         options: &Options,
     ) -> Result<HiacService, BindHiacError> {
-        let listens =
-            |endpoint: &Endpoint| matches!(endpoint.place, hiac::links::Place::TcpListen(_));
+        let listens = |endpoint: &Endpoint| {
+            let place = &endpoint.place;
+            matches!(place, Place::TcpListen(_) | Place::TlsListen(..))
+        };
         let mut node = Node::new(StationConfig {
             address: options.hiac_address.map(|group| group.address),
             workgroups: options.hiac_address.into_iter().collect(),

@@ -16,6 +16,7 @@ mod error;
 mod layer;
 pub(crate) mod value;
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -32,6 +33,7 @@ pub use error::OptionsError;
 pub(crate) use layer::Layer;
 
 use crate::config_file;
+use crate::text::datagram_address;
 use command_line::{CommandLine, Parsed, Subcommand};
 
 /// What the daemon is to do, every option with its final value.
@@ -73,6 +75,9 @@ pub struct Options {
     pub hiac_names: HiacNames,
     /// Where agents of the text format are.
     pub text: Vec<Endpoint>,
+    /// Agents of the text format that are in the directory for good, and where they are: one of
+    /// `text`, or the address for datagrams to the agent.
+    pub text_agents: BTreeMap<String, Endpoint>,
     /// The file to which what passes is written, if any.
     pub log_letters: Option<PathBuf>,
     /// Octets of the largest letter that is taken, at least 1.
@@ -104,6 +109,7 @@ impl Default for Options {
             hiac_address: None,
             hiac_names: HiacNames::default(),
             text: Vec::new(),
+            text_agents: BTreeMap::new(),
             log_letters: None,
             max_letter: 256 << 20,
             state: None,
@@ -167,6 +173,7 @@ fn merged(
     let variables = environment::layer(&env)?;
     let options = line.options.over(file).over(variables).into_options();
     check_hiac(&options).map_err(OptionsError::Usage)?;
+    check_text(&options).map_err(OptionsError::Usage)?;
     Ok(options)
 }
 
@@ -196,6 +203,28 @@ fn check_hiac(options: &Options) -> Result<(), String> {
         Some(address) => Err(format!(
             "{address} is no address of the workgroup of {} under {}",
             group.address, group.mask
+        )),
+    }
+}
+
+/// A configured agent is where the daemon has a socket or a line.
+fn check_text(options: &Options) -> Result<(), String> {
+    let has_socket = options
+        .text
+        .iter()
+        .any(|place| matches!(place, Endpoint::Udp(_)));
+    let reached = |place: &Endpoint| match place {
+        Endpoint::Udp(_) => has_socket && datagram_address(place).is_some_and(|at| at.port() != 0),
+        _ => options.text.contains(place),
+    };
+    match options.text_agents.iter().find(|(_, at)| !reached(at)) {
+        None => Ok(()),
+        Some((name, place @ Endpoint::Udp(_))) => Err(format!(
+            "the text agent {name} at {place} needs an IP address and a port, and a udp:// place \
+             of --text to send from"
+        )),
+        Some((name, place)) => Err(format!(
+            "the text agent {name} is at {place}, which is no place of --text"
         )),
     }
 }

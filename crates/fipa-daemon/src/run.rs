@@ -35,7 +35,7 @@ pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
     };
     let mut changes = platform.watch();
     let mut notices = platform.notices();
-    let mut text = TextService::start(&platform, &options.text).await?;
+    let mut text = TextService::start(&platform, options).await?;
     let mut hiac = HiacService::start(&platform, options).await?;
     say_ready(options, &platform, hiac.bound(), text.bound());
     loop {

@@ -5,7 +5,8 @@
 //!         ◀── write ─────             ◀── deliver ─────────
 //! ```
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
+use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use fipa::{Change, ChangeKind, Inside, Platform, Registration, Text};
@@ -16,6 +17,7 @@ use robot_text::{Place, PlatformConfig, StreamId};
 use serde_json::Value;
 
 use crate::fleet::{Fleet, FleetEvent};
+use crate::options::Options;
 
 /// A place for text agents that cannot be bound.
 #[derive(Debug, thiserror::Error)]
@@ -28,6 +30,8 @@ pub(crate) struct BindTextError {
 /// The text platform of the daemon.
 pub(crate) struct TextService {
     gateway: TextGateway,
+    /// Configured agents, and where they are.
+    agents: BTreeMap<String, Endpoint>,
     fleet: Fleet,
     links: Links,
     bound: Vec<String>,
@@ -37,14 +41,14 @@ pub(crate) struct TextService {
 }
 
 impl TextService {
-    /// Opens the endpoints.
+    /// Opens the endpoints, and registers the configured agents.
     pub(crate) async fn start(
         platform: &Platform,
-        endpoints: &[Endpoint],
+        options: &Options,
     ) -> Result<TextService, BindTextError> {
         let mut links = Links::new();
         let mut bound = Vec::new();
-        for endpoint in endpoints {
+        for endpoint in &options.text {
             match links.open(endpoint).await {
                 Ok(place) => bound.extend(place.map(|place| place.to_string())),
                 Err(source) => {
@@ -53,14 +57,23 @@ impl TextService {
                 }
             }
         }
-        Ok(TextService {
+        let mut service = TextService {
             gateway: TextGateway::new(platform.name(), PlatformConfig::default()),
+            agents: options.text_agents.clone(),
             fleet: Fleet::new(platform),
             links,
             bound,
             streams: HashMap::new(),
             began: Instant::now(),
-        })
+        };
+        for (name, endpoint) in &options.text_agents {
+            service.gateway.configure(name);
+            if let Some(address) = datagram_address(endpoint) {
+                service.declare(name, Place::Datagram(address));
+            }
+        }
+        service.settle();
+        Ok(service)
     }
 
     /// The places that are bound.
@@ -108,15 +121,31 @@ impl TextService {
         });
     }
 
+    fn declare(&mut self, name: &str, place: Place) {
+        if let Err(error) = self.gateway.declare_at(name, place) {
+            tracing::error!("the text agent {name} cannot be at {place:?}: {error}");
+        }
+    }
+
     fn now(&self) -> Duration {
         self.began.elapsed()
     }
 
     fn link_event(&mut self, event: LinkEvent) {
         match event {
-            LinkEvent::Opened(stream, place) => {
-                tracing::debug!("text stream {} to {place} is open", stream.0);
+            LinkEvent::Opened {
+                stream,
+                endpoint,
+                place,
+            } => {
+                tracing::debug!("text stream {} to {place} is open at {endpoint}", stream.0);
                 self.streams.insert(stream, place);
+                let agents = self.agents.iter();
+                let here = agents.filter(|(_, place)| **place == endpoint && is_one_stream(place));
+                let names: Vec<String> = here.map(|(name, _)| name.clone()).collect();
+                for name in names {
+                    self.declare(&name, Place::Stream(stream));
+                }
             }
             LinkEvent::Received(from, message) => {
                 self.show(true, from, || text_to_json(&message));
@@ -175,4 +204,17 @@ impl TextService {
             }
         }
     }
+}
+
+/// The address of an agent that is reached by datagrams.
+pub(crate) fn datagram_address(endpoint: &Endpoint) -> Option<SocketAddr> {
+    match endpoint {
+        Endpoint::Udp(place) => place.parse().ok(),
+        _ => None,
+    }
+}
+
+/// Whether all that is there is at the other end of one stream, not of those that come.
+fn is_one_stream(endpoint: &Endpoint) -> bool {
+    matches!(endpoint, Endpoint::TcpDial(_) | Endpoint::Serial { .. })
 }

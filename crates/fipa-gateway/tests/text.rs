@@ -129,19 +129,61 @@ fn silence_and_loss_are_failures() {
     gateway.received(START, Place::Stream(stream), hello, |_| false);
     outputs(&mut gateway);
     gateway.deliver(START, "arm@robot1", &query);
+    // Its action is not on the line yet.
+    let request = message(Performative::Request, "go 1");
+    gateway.deliver(START, "arm@robot1", &request);
     outputs(&mut gateway);
     gateway.stream_closed(stream);
-    let failed = query
-        .reply(Performative::Failure)
-        .from_agent("arm@robot1")
-        .content("it is gone");
+    let failed = |message: &Message, reason: &str| {
+        let failure = message.reply(Performative::Failure);
+        let failure = failure
+            .from_agent("arm@robot1")
+            .content(reason.as_bytes().to_vec());
+        TextOutput::Send(Box::new(failure))
+    };
     assert_eq!(
         outputs(&mut gateway),
         [
-            TextOutput::Send(Box::new(failed)),
+            failed(&query, "it is gone"),
+            failed(&request, "the agent is gone"),
             TextOutput::Deregister(Text::from("arm@robot1")),
         ]
     );
+    gateway.written(1, Ok(()));
+    assert_eq!(outputs(&mut gateway), []);
+}
+
+#[test]
+fn a_configured_agent_stays_in_the_fleet_and_fails_while_it_is_nowhere() {
+    let mut gateway = TextGateway::new("robot1", PlatformConfig::default());
+    gateway.configure("drive");
+    gateway.configure("drive");
+    let registered = [TextOutput::Register(Text::from(DRIVE))];
+    assert_eq!(outputs(&mut gateway), registered);
+    let request = message(Performative::Request, "go 1");
+    let failed = answer(&request, Performative::Failure, "the agent is gone");
+    assert_eq!(
+        deliver(&mut gateway, &request),
+        std::slice::from_ref(&failed)
+    );
+
+    let stream = StreamId(3);
+    gateway.declare_at("drive", Place::Stream(stream)).unwrap();
+    let action = TextOutput::Write {
+        to: Place::Stream(stream),
+        message: parse(b"{O:m@robot2;D:drive;A:go 1}").unwrap(),
+        ticket: Some(1),
+    };
+    let agreed = answer(&request, Performative::Agree, "");
+    assert_eq!(deliver(&mut gateway, &request), [agreed, action]);
+    gateway.stream_closed(stream);
+    assert_eq!(outputs(&mut gateway), [failed]);
+    // At a datagram's address it stays however long it is silent.
+    gateway.declare_at("drive", place()).unwrap();
+    assert_eq!(gateway.poll_timeout(), None);
+    assert_eq!(outputs(&mut gateway), []);
+    let elsewhere = gateway.declare_at("drive", Place::Stream(stream));
+    assert_eq!(elsewhere, Err(robot_text::DeclareError::Elsewhere));
 }
 
 #[test]

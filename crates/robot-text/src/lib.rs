@@ -33,7 +33,8 @@ mod write;
 pub use message::{Kind, MAX_OCTETS, Message};
 pub use parse::{Fault, parse};
 pub use platform::{
-    Counters, DeclareError, Output, PLATFORM, Place, Platform, PlatformConfig, StreamId, Unanswered,
+    Counters, DeclareError, Output, PLATFORM, Place, Platform, PlatformConfig, StreamId,
+    Unanswered, is_name,
 };
 pub use queue::UrgencyQueue;
 pub use reader::{Reader, Unreadable};

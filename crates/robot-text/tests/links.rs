@@ -27,7 +27,7 @@ async fn next(links: &mut Links) -> LinkEvent {
 
 async fn opened(links: &mut Links) -> StreamId {
     match next(links).await {
-        LinkEvent::Opened(stream, _) => stream,
+        LinkEvent::Opened { stream, .. } => stream,
         event => panic!("{event:?}"),
     }
 }
@@ -118,8 +118,13 @@ async fn a_stream_is_dialled_until_somebody_is_there_and_again_when_it_ends() {
     let listener = TcpListener::bind(address).unwrap();
     let first = loop {
         match next(&mut links).await {
-            LinkEvent::Opened(stream, place) => {
+            LinkEvent::Opened {
+                stream,
+                endpoint,
+                place,
+            } => {
                 assert_eq!(place, dial.to_string());
+                assert_eq!(endpoint, dial);
                 break stream;
             }
             event => assert!(matches!(event, LinkEvent::Failed(..)), "{event:?}"),

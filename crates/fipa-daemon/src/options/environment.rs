@@ -30,6 +30,7 @@ pub(super) fn layer(env: impl Fn(&str) -> Option<String>) -> Result<Layer, Optio
         hiac_address: one(env, "FIPAD_HIAC_ADDRESS", value::hiac_workgroup)?,
         hiac_names: None,
         text: list(env, "FIPAD_TEXT", value::text_endpoint)?,
+        text_agents: None,
         log_letters: said(env, "FIPAD_LOG_LETTERS").map(PathBuf::from),
         max_letter: one(env, "FIPAD_MAX_LETTER", value::letter_size_text)?,
         state: said(env, "FIPAD_STATE").map(PathBuf::from),

@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use fipa::OutboxConfig;
@@ -58,8 +59,9 @@ pub(crate) struct Layer {
     /// Print JSON, one object a line
     #[arg(long, num_args = 0, default_missing_value = "true")]
     pub(crate) json: Option<bool>,
-    /// Where HIAC stations are, repeatable: tcp://HOST:PORT[?listen] or
-    /// serial:///dev/...?baud=115200, with address=A or role=employee behind ? or &
+    /// Where HIAC stations are, repeatable: tcp://HOST:PORT[?listen], tls:// with ca=FILE or
+    /// cert=FILE&key=FILE, or serial:///dev/...?baud=115200; with address=A or role=employee
+    /// behind ? or &
     #[arg(long, value_name = "URL", value_parser = value::hiac_endpoint)]
     pub(crate) hiac: Option<Vec<HiacEndpoint>>,
     /// The own HIAC address, and the mask of the workgroup that the daemon employs
@@ -72,6 +74,9 @@ pub(crate) struct Layer {
     /// or serial:///dev/...?baud=115200
     #[arg(long, value_name = "URL", value_parser = value::text_endpoint)]
     pub(crate) text: Option<Vec<Endpoint>>,
+    /// Text agents that are there for good; from the file alone.
+    #[arg(skip)]
+    pub(crate) text_agents: Option<BTreeMap<String, Endpoint>>,
     /// A file that gets every letter that passes, as JSON [default: none]
     // As for the name, empty in a file stands for the default.
     #[arg(long, value_name = "FILE")]
@@ -110,6 +115,7 @@ impl Layer {
             hiac_address: self.hiac_address.or(weaker.hiac_address),
             hiac_names: self.hiac_names.or(weaker.hiac_names),
             text: self.text.or(weaker.text),
+            text_agents: self.text_agents.or(weaker.text_agents),
             log_letters: self.log_letters.or(weaker.log_letters),
             max_letter: self.max_letter.or(weaker.max_letter),
             state: self.state.or(weaker.state),
@@ -140,6 +146,7 @@ impl Layer {
             hiac_address: self.hiac_address.or(default.hiac_address),
             hiac_names: self.hiac_names.unwrap_or(default.hiac_names),
             text: self.text.unwrap_or(default.text),
+            text_agents: self.text_agents.unwrap_or(default.text_agents),
             log_letters: self.log_letters.filter(is_given),
             max_letter: self.max_letter.unwrap_or(default.max_letter),
             state: self.state.filter(|path| !path.as_os_str().is_empty()),

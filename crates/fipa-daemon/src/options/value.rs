@@ -94,6 +94,16 @@ pub(crate) fn text_endpoint(text: &str) -> Result<Endpoint, String> {
         .map_err(|error: EndpointError| error.to_string().replace(char::is_control, "?"))
 }
 
+/// What an agent of the text format is called there, and before the @ of its name in the fleet.
+pub(crate) fn text_agent(text: &str) -> Result<String, String> {
+    match robot_text::is_name(text) {
+        true => name(text),
+        false => Err(format!(
+            "{text:?} is no name of a text agent; one has 1 to 64 letters, digits and _ - . @"
+        )),
+    }
+}
+
 /// A place of HIAC stations.
 pub(crate) fn hiac_endpoint(text: &str) -> Result<HiacEndpoint, String> {
     text.parse()

@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use fipa::OutboxConfig;
@@ -82,6 +83,7 @@ fn every_option_can_be_given_in_every_source() {
             "udp://127.0.0.1:5000".parse().unwrap(),
             "serial:///dev/ttyUSB0?baud=9600".parse().unwrap(),
         ],
+        text_agents: BTreeMap::new(),
         log_letters: Some("/var/log/letters".into()),
         max_letter: 1000,
         state: Some("/var/lib/fipad".into()),
@@ -213,7 +215,7 @@ fn the_default_file_is_the_defaults() {
     let keys: Vec<&str> = keys
         .filter(|line| line.starts_with(|c: char| c.is_alphabetic() || c == '['))
         .collect();
-    assert_eq!(keys.len(), 26);
+    assert_eq!(keys.len(), 27);
     let text = keys.join("\n");
     let given = Given {
         file: Some(&text),
@@ -263,6 +265,60 @@ fn hiac_stations_need_an_address_that_employs_and_employees_of_its_workgroup() {
         ),
     ] {
         let (code, message) = line(words).error();
+        assert_eq!(code, 2);
+        assert!(message.contains(said), "{message}");
+    }
+}
+
+#[test]
+fn a_table_of_the_file_says_which_text_agents_are_there_for_good() {
+    let text = r#"
+        text = ["udp://127.0.0.1:0", "serial:///dev/ttyUSB0"]
+        [text-agents]
+        "lamp" = "serial:///dev/ttyUSB0?baud=115200"
+        "drive" = "udp://192.168.1.7:5000"
+    "#;
+    let agents = file(text).options().text_agents;
+    assert_eq!(
+        agents["lamp"].to_string(),
+        "serial:///dev/ttyUSB0?baud=115200"
+    );
+    assert_eq!(agents["drive"].to_string(), "udp://192.168.1.7:5000");
+    for (places, agent, said) in [
+        (
+            "[]",
+            "'lamp' = 'serial:///dev/ttyUSB0'",
+            "is no place of --text",
+        ),
+        (
+            "'tcp://a:1'",
+            "'lamp' = 'udp://127.0.0.1:5'",
+            "to send from",
+        ),
+        (
+            "'udp://127.0.0.1:0'",
+            "'lamp' = 'udp://lamp:5'",
+            "an IP address",
+        ),
+        (
+            "'udp://127.0.0.1:0'",
+            "'lamp' = 'udp://127.0.0.1:0'",
+            "and a port",
+        ),
+        (
+            "'tcp://a:1'",
+            "'la mp' = 'tcp://a:1'",
+            "is no name of a text agent",
+        ),
+        ("'tcp://a:1'", "'9' = 'tcp://a:1'", "is not a name"),
+        (
+            "'tcp://a:1'",
+            "'lamp' = 'tcp://a'",
+            "is no place for text messages",
+        ),
+    ] {
+        let text = format!("text = {places}\n[text-agents]\n{agent}");
+        let (code, message) = file(&text).error();
         assert_eq!(code, 2);
         assert!(message.contains(said), "{message}");
     }

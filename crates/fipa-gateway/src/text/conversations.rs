@@ -46,6 +46,12 @@ impl Conversations {
         self.writes.remove(&ticket)
     }
 
+    /// The requests of one of the fleet's agents here that were not written, and will not be.
+    pub(super) fn forget_writes(&mut self, to: &str) -> Vec<Message> {
+        let lost = self.writes.extract_if(|_, (agent, _)| agent == to);
+        lost.map(|(_, (_, request))| request).collect()
+    }
+
     /// One of the fleet asks.
     pub(super) fn ask(&mut self, question: &TextMessage, to: &str, query: Message) {
         self.queries

@@ -2,12 +2,13 @@
 
 mod conversations;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use fipa_acl::{Message, Performative, Text};
 use robot_text::{
-    Kind, Message as TextMessage, Output, PLATFORM, Place, Platform, PlatformConfig, StreamId,
+    DeclareError, Kind, Message as TextMessage, Output, PLATFORM, Place, Platform, PlatformConfig,
+    StreamId,
 };
 
 use self::conversations::Conversations;
@@ -42,6 +43,8 @@ pub enum TextOutput {
 pub struct TextGateway {
     robot: Text,
     platform: Platform,
+    /// Agents that are in the fleet for good, by their names on the platform.
+    configured: BTreeSet<String>,
     conversations: Conversations,
     outputs: VecDeque<TextOutput>,
 }
@@ -52,14 +55,29 @@ impl TextGateway {
         TextGateway {
             robot: robot.into(),
             platform: Platform::new(config),
+            configured: BTreeSet::new(),
             conversations: Conversations::default(),
             outputs: VecDeque::new(),
         }
     }
 
-    /// The platform, to declare agents and look at its counters.
-    pub fn platform(&mut self) -> &mut Platform {
-        &mut self.platform
+    /// An agent is in the fleet for good, wherever it is now. While it is nowhere, what the fleet
+    /// asks of it fails.
+    pub fn configure(&mut self, name: &str) {
+        if self.configured.insert(name.to_owned()) && self.platform.get(name).is_none() {
+            let name = self.fleet_name(name);
+            self.outputs.push_back(TextOutput::Register(name));
+        }
+    }
+
+    /// An agent is at this place, before it says so itself.
+    ///
+    /// # Errors
+    /// A name that is none, or one that is there at another place.
+    pub fn declare_at(&mut self, name: &str, place: Place) -> Result<(), DeclareError> {
+        let declared = self.platform.declare_at(name, place);
+        self.settle();
+        declared
     }
 
     /// A text message came from a place; `fleet` says who is an agent of the directory.
@@ -302,8 +320,10 @@ impl TextGateway {
                 }),
                 Output::Fleet { to, message } => self.tell_fleet(&to, message),
                 Output::Declared(name) => {
-                    let name = self.fleet_name(&name);
-                    self.outputs.push_back(TextOutput::Register(name));
+                    if !self.configured.contains(&name) {
+                        let name = self.fleet_name(&name);
+                        self.outputs.push_back(TextOutput::Register(name));
+                    }
                 }
                 Output::Gone(name) => self.gone(&name),
                 Output::Unanswered { question, reason } => {
@@ -349,12 +369,17 @@ impl TextGateway {
     }
 
     fn gone(&mut self, name: &str) {
+        let fleet_name = self.fleet_name(name);
+        for request in self.conversations.forget_writes(&fleet_name) {
+            self.reply(&fleet_name, &request, Performative::Failure, GONE);
+        }
         for (subscriber, agent, subscription) in self.conversations.forget_agent(name) {
             self.platform.unsubscribe(&subscriber, name);
             self.reply(&agent, &subscription, Performative::Failure, GONE);
         }
-        let name = self.fleet_name(name);
-        self.outputs.push_back(TextOutput::Deregister(name));
+        if !self.configured.contains(name) {
+            self.outputs.push_back(TextOutput::Deregister(fleet_name));
+        }
     }
 
     /// The text message for an ACL message, if it can be written; else its sender is told.

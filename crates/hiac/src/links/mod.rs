@@ -1,9 +1,11 @@
-//! A station on TCP streams and serial lines, on tokio.
+//! A station on TCP streams, bare or under TLS, and serial lines, on tokio.
 //!
 //! **Knows** how octets come in and go out, and what time it is. **Never knows** what a packet is
 //! for: the [`Station`] says what is written where, and which streams are opened and closed.
 
 mod endpoint;
+#[cfg(feature = "tls")]
+mod tls;
 
 use std::collections::HashMap;
 use std::io;
@@ -19,7 +21,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinSet;
 use tokio_serial::SerialPortBuilderExt;
 
-pub use self::endpoint::{Endpoint, EndpointError, Place};
+pub use self::endpoint::{Endpoint, EndpointError, Place, TlsFiles};
 use crate::Station;
 use crate::station::{Event, LinkConfig, LinkId, Role, StationConfig};
 
@@ -41,7 +43,7 @@ pub enum NodeEvent {
     Opened(LinkId),
     /// A stream has ended.
     Closed(LinkId, String),
-    /// A stream could not be opened; it is tried again.
+    /// A stream could not be opened, and is tried again where it is dialled.
     Failed(Endpoint, String),
 }
 
@@ -73,6 +75,30 @@ struct Shared {
     last_link: AtomicU64,
 }
 
+/// What a TCP stream is under.
+#[derive(Clone)]
+enum Cover {
+    Plain,
+    #[cfg(feature = "tls")]
+    Dials(tls::Dialler),
+    #[cfg(feature = "tls")]
+    Listens(tls::Listener),
+}
+
+impl Cover {
+    fn new(place: &Place) -> io::Result<Cover> {
+        match place {
+            #[cfg(feature = "tls")]
+            Place::TlsDial(place, files) => tls::Dialler::new(place, files).map(Cover::Dials),
+            #[cfg(feature = "tls")]
+            Place::TlsListen(_, files) => tls::Listener::new(files).map(Cover::Listens),
+            #[cfg(not(feature = "tls"))]
+            Place::TlsDial(..) | Place::TlsListen(..) => Err(io::ErrorKind::Unsupported.into()),
+            _ => Ok(Cover::Plain),
+        }
+    }
+}
+
 #[derive(Debug)]
 enum LinkEvent {
     Opened(LinkId, LinkConfig, Stream),
@@ -102,19 +128,26 @@ impl Node {
     /// Opens an endpoint, and for one that listens says where it is bound.
     ///
     /// # Errors
-    /// What the system says to a listener. Streams are tried for ever: see [`NodeEvent::Failed`].
+    /// What the system says to a listener, and files of certificates that cannot be used. Streams
+    /// are tried for ever: see [`NodeEvent::Failed`].
     pub async fn open(&mut self, endpoint: &Endpoint) -> io::Result<Option<Endpoint>> {
         let shared = Arc::clone(&self.shared);
-        let Place::TcpListen(place) = &endpoint.place else {
-            self.tasks.spawn(shared.dial(endpoint.clone(), None));
+        let cover = Cover::new(&endpoint.place)?;
+        let (Place::TcpListen(place) | Place::TlsListen(place, _)) = &endpoint.place else {
+            self.tasks.spawn(shared.dial(endpoint.clone(), cover, None));
             return Ok(None);
         };
         let listener = TcpListener::bind(place).await?;
+        let at = listener.local_addr()?.to_string();
         let bound = Endpoint {
-            place: Place::TcpListen(listener.local_addr()?.to_string()),
+            place: match &endpoint.place {
+                Place::TlsListen(_, files) => Place::TlsListen(at, files.clone()),
+                _ => Place::TcpListen(at),
+            },
             ..endpoint.clone()
         };
-        self.tasks.spawn(shared.callers(listener, endpoint.link()));
+        self.tasks
+            .spawn(shared.callers(listener, bound.clone(), cover));
         Ok(Some(bound))
     }
 
@@ -213,7 +246,7 @@ impl Node {
             let endpoint = Endpoint { role, ..endpoint };
             let until = Some(Instant::now() + TRANSFER);
             self.tasks
-                .spawn(Arc::clone(&self.shared).dial(endpoint, until));
+                .spawn(Arc::clone(&self.shared).dial(endpoint, Cover::Plain, until));
         }
     }
 
@@ -249,14 +282,20 @@ impl Shared {
         let _ = self.events.send(event).await;
     }
 
-    async fn callers(self: Arc<Self>, listener: TcpListener, config: LinkConfig) {
+    async fn callers(self: Arc<Self>, listener: TcpListener, endpoint: Endpoint, cover: Cover) {
         let mut streams = JoinSet::new();
         loop {
             match listener.accept().await {
                 Ok((stream, _)) => {
-                    let (shared, config) = (Arc::clone(&self), config.clone());
-                    let lasting = Arc::default();
-                    streams.spawn(async move { shared.tcp(stream, config, lasting).await });
+                    let (shared, cover) = (Arc::clone(&self), cover.clone());
+                    let endpoint = endpoint.clone();
+                    streams.spawn(async move {
+                        let lasting = Arc::default();
+                        if let Err(error) = shared.tcp(stream, &endpoint, &cover, lasting).await {
+                            let said = error.to_string();
+                            shared.tell(LinkEvent::Failed(endpoint, said)).await;
+                        }
+                    });
                 }
                 // Out of file descriptors: it does not get better by trying at once.
                 Err(_) => tokio::time::sleep(PAUSE).await,
@@ -266,45 +305,62 @@ impl Shared {
     }
 
     /// Opens a stream, and again when it ends; `until` then, unless there was a connection.
-    async fn dial(self: Arc<Self>, endpoint: Endpoint, until: Option<Instant>) {
+    async fn dial(self: Arc<Self>, endpoint: Endpoint, cover: Cover, until: Option<Instant>) {
         let lasting = Arc::new(AtomicBool::new(until.is_none()));
         let goes_on = || {
             let tried = until.is_some_and(|until| Instant::now() >= until);
             lasting.load(Ordering::Relaxed) || !tried
         };
         while goes_on() {
-            let config = endpoint.link();
             let opened = match &endpoint.place {
                 Place::Serial { path, baud } => {
                     let path = path.to_string_lossy();
                     match tokio_serial::new(path, *baud).open_native_async() {
                         Ok(line) => {
-                            self.serve(line, config, Arc::clone(&lasting)).await;
+                            let link = endpoint.link();
+                            self.serve(line, link, Arc::clone(&lasting)).await;
                             Ok(())
                         }
-                        Err(error) => Err(error.to_string()),
+                        Err(error) => Err(error.into()),
                     }
                 }
-                Place::TcpDial(place) => match TcpStream::connect(place).await {
-                    Ok(stream) => {
-                        self.tcp(stream, config, Arc::clone(&lasting)).await;
-                        Ok(())
+                Place::TcpDial(place) | Place::TlsDial(place, _) => {
+                    match TcpStream::connect(place).await {
+                        Ok(stream) => {
+                            let lasting = Arc::clone(&lasting);
+                            self.tcp(stream, &endpoint, &cover, lasting).await
+                        }
+                        Err(error) => Err(error),
                     }
-                    Err(error) => Err(error.to_string()),
-                },
-                Place::TcpListen(_) => return,
+                }
+                Place::TcpListen(_) | Place::TlsListen(..) => return,
             };
             if let Err(error) = opened {
-                self.tell(LinkEvent::Failed(endpoint.clone(), error)).await;
+                let said = error.to_string();
+                self.tell(LinkEvent::Failed(endpoint.clone(), said)).await;
             }
             tokio::time::sleep(PAUSE).await;
         }
     }
 
-    async fn tcp(&self, stream: TcpStream, config: LinkConfig, lasting: Arc<AtomicBool>) {
+    async fn tcp(
+        &self,
+        stream: TcpStream,
+        endpoint: &Endpoint,
+        cover: &Cover,
+        lasting: Arc<AtomicBool>,
+    ) -> io::Result<()> {
         // Small packets that wait for their confirmations. A stream that refuses works all the same.
         let _ = stream.set_nodelay(true);
-        self.serve(stream, config, lasting).await;
+        let link = endpoint.link();
+        match cover {
+            Cover::Plain => self.serve(stream, link, lasting).await,
+            #[cfg(feature = "tls")]
+            Cover::Dials(tls) => self.serve(tls.connect(stream).await?, link, lasting).await,
+            #[cfg(feature = "tls")]
+            Cover::Listens(tls) => self.serve(tls.accept(stream).await?, link, lasting).await,
+        }
+        Ok(())
     }
 
     /// Reads and writes a stream until it ends.

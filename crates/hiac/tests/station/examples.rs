@@ -1,5 +1,7 @@
 //! A network of three devices and its neighbour, octet for octet.
 
+use std::time::Duration;
+
 use hiac::content::MessageKind;
 use hiac::station::{Event, Failure, LinkConfig, LinkId, Options, Role, StationConfig};
 use hiac::sys::{Checks, Types};
@@ -437,4 +439,86 @@ fn a_refusal_is_a_failure_with_its_result() {
     );
     let failure = Failure::Refused(Outcome::NOT_PERMITTED, None);
     assert_eq!(bench.events(), [Event::Failed(ticket, failure)]);
+}
+
+/// A packet of 3, with a confirmation by CRC-32.
+fn warns(bench: &mut Bench, psn: u8, fragment: u8, to: u8) -> Vec<String> {
+    let data = [fragment, 4, 0, b'i', b'c', b'e'];
+    let packet = hiac::Packet {
+        numbered: Some(hiac::Numbered {
+            psn,
+            fragment: hiac::Fragment {
+                index: fragment & 0x7F,
+                more: fragment & 0x80 != 0,
+            },
+        }),
+        confirm: true,
+        check: Check::Crc32,
+        ..hiac::Packet::new(
+            hiac::PacketType::MSG,
+            1,
+            hiac::Addressing::Level {
+                target: to.into(),
+                source: 3,
+            },
+            &data[1..],
+        )
+    };
+    let mask = hiac::Mask::new(0xFF).ok();
+    let octets: Vec<u8> = hiac::edcp::escaped(packet.encode(mask).unwrap().octets()).collect();
+    bench.station.received(bench.now, LinkId(3), &octets);
+    bench.hear(to.into())
+}
+
+#[test]
+fn for_a_device_without_numbers_the_employer_takes_them_away_and_confirms_itself() {
+    let mut bench = employer_of_three();
+    connect(&mut bench, 3, &[5, 1, 3]);
+    // Of 12, its abilities, behind 7, its role.
+    connect(&mut bench, 7, &[5, 1, 1, 12, 1, 0]);
+    // Without the octets for MP and CR, the number and the fragment, and with a sum.
+    let forwarded = warns(&mut bench, 0, 0, 7);
+    assert_eq!(forwarded, ["F8 13 10 07 03 05 04 00 69 63 65 67 F9"]);
+    let confirmed = bench.hear(3);
+    assert_eq!(confirmed.len(), 1);
+    assert!(
+        confirmed[0].starts_with(
+            "F8 1E 13 20 C4 D2 03 20 C4 D2 00 0D 01 01 04 20 C4 D2 07 08 01 00 09 01 00"
+        ),
+        "{confirmed:?}"
+    );
+    assert_eq!(warns(&mut bench, 1, 0x80, 7), [""; 0]);
+    let refused = bench.hear(3);
+    assert!(refused[0].contains("08 01 01 09 01 06"), "{refused:?}");
+}
+
+#[test]
+fn a_grant_that_is_not_confirmed_is_given_back() {
+    let mut bench = Bench::new(StationConfig {
+        semaphores: 1,
+        sendings: 3,
+        ..employer("20:C4:D2:00", "00:00:00:FF")
+    });
+    bench.link(1, Role::Employer);
+    bench.hear(1);
+    connect(&mut bench, 1, &[5, 1, 1]);
+    // Take, to be confirmed; the reply is as well, and stays without an answer.
+    bench.say(1, "F8 12 4C 00 00 01 04 00 00 00 00 63 F9");
+    let heard = bench.hear(1);
+    assert_eq!(heard.len(), 2, "PKGCNF and the grant: {heard:?}");
+    let mut grants = 1;
+    for _ in 0..6 {
+        bench.say(1, "F8 F9");
+        bench.pass(Duration::from_millis(250));
+        let again = bench.hear(1);
+        grants += again.iter().filter(|packet| **packet == heard[1]).count();
+    }
+    assert_eq!(grants, 3, "it was sent three times");
+    // Test, without confirmation: it is free.
+    bench.say(1, "F8 12 40 00 01 03 02 00 00 58 F9");
+    let state = bench.hear(1);
+    assert!(
+        state.iter().any(|packet| packet.contains("03 82 00 00")),
+        "{state:?}"
+    );
 }

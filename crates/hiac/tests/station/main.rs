@@ -5,4 +5,5 @@ mod examples;
 mod hierarchy;
 mod net;
 mod numbers;
+mod permissions;
 mod services;

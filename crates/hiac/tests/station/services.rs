@@ -1,7 +1,9 @@
 //! Semaphores, memory and barriers, and who may do what.
 
 use hiac::content::{BarrierOperation, MessageKind, SemaphoreOperation};
-use hiac::station::{Direction, Event, Failure, Options, Region, SendError, StationConfig, Ticket};
+use hiac::station::{
+    Direction, Event, Failure, Options, Region, Rights, SendError, StationConfig, Ticket,
+};
 use hiac::{Address, Content, Outcome};
 
 use crate::net::{SECOND, World, address, employer, named};
@@ -196,4 +198,107 @@ fn questions_are_answered_commands_come_from_above_alone_and_silence_is_told() {
         world.became(0, ticket),
         ["written", "confirmed", "no answer came in time"]
     );
+}
+
+#[test]
+fn who_asks_first_is_granted_first_whatever_the_priority_and_who_waits_may_leave() {
+    use SemaphoreOperation::{Free, Give, Granted, Take, Test};
+    let (mut world, _) = workshop();
+    let take = |world: &mut World, who: usize, priority| {
+        let options = Options {
+            priority: Some(priority),
+            ..Options::CONFIRMED
+        };
+        let now = world.now;
+        let station = &mut world.stations[who];
+        station.semaphore_of(now, at(0), Take, 3, options).unwrap();
+        world.settle();
+    };
+    take(&mut world, 1, 4);
+    take(&mut world, 2, 7);
+    take(&mut world, 3, 0);
+    for who in 1..4 {
+        states(&mut world, who);
+    }
+    semaphore(&mut world, 1, 0, Give);
+    assert_eq!(states(&mut world, 2), [Granted], "it was first");
+    assert_eq!(states(&mut world, 3), []);
+    semaphore(&mut world, 3, 0, Give);
+    semaphore(&mut world, 2, 0, Give);
+    assert_eq!(states(&mut world, 3), [], "it waits no more");
+    semaphore(&mut world, 1, 0, Test);
+    assert_eq!(states(&mut world, 1), [Free]);
+}
+
+#[test]
+fn rights_are_those_of_the_region_and_the_direction() {
+    let nobody = Rights {
+        employer: false,
+        colleagues: false,
+        employees: false,
+    };
+    let secret = Region {
+        read: nobody,
+        write: Rights {
+            employees: true,
+            ..nobody
+        },
+        ..Region::new(0, 4)
+    };
+    let keeper = StationConfig {
+        memory: vec![secret, Region::new(0x100, 4)],
+        ..employer("20:C4:D2:00", "00:00:00:FF")
+    };
+    let mut world = World::new([keeper, named("a")]);
+    world.employ(0, 1);
+    let write = |world: &mut World, address| {
+        let content = Content::Write {
+            address,
+            octets: b"x",
+        };
+        let now = world.now;
+        let station = &mut world.stations[1];
+        let sent = station.send(now, None, at(0), &content, Options::CONFIRMED);
+        let ticket = sent.unwrap();
+        world.became(1, ticket).pop().unwrap()
+    };
+    let forbidden = Outcome::NOT_PERMITTED.to_string();
+    assert_eq!(write(&mut world, 3), "confirmed");
+    assert_eq!(write(&mut world, 0x100), forbidden);
+    assert_eq!(world.stations[0].memory()[0].octets, b"\0\0\0x");
+    let now = world.now;
+    let read = world.stations[1].read(now, at(0), 3, 1, Options::CONFIRMED);
+    assert_eq!(world.became(1, read.unwrap()).pop().unwrap(), forbidden);
+}
+
+#[test]
+fn a_party_that_leaves_or_is_lost_has_not_arrived() {
+    let (mut world, lines) = workshop();
+    let say = |world: &mut World, who: usize, operation, parties| {
+        let now = world.now;
+        let station = &mut world.stations[who];
+        let sent = station.barrier_of(now, at(3), operation, 7, parties, Options::CONFIRMED);
+        let ticket = sent.unwrap();
+        world.became(who, ticket).pop().unwrap()
+    };
+    let (arrive, leave) = (BarrierOperation::Arrive, BarrierOperation::Leave);
+    let released = |world: &mut World, who: usize| {
+        let events = world.take(who);
+        let released = |event: &Event| matches!(event, Event::Released { number: 7, .. });
+        events.iter().filter(|event| released(event)).count()
+    };
+    assert_eq!(say(&mut world, 1, arrive, 2), "confirmed");
+    assert_eq!(say(&mut world, 1, leave, 0), "confirmed");
+    assert_eq!(say(&mut world, 2, arrive, 2), "confirmed");
+    assert_eq!(released(&mut world, 2), 0);
+    world.cut(lines[1]);
+    assert_eq!(say(&mut world, 0, arrive, 2), "confirmed");
+    assert_eq!(released(&mut world, 0), 0, "the second is lost");
+    assert_eq!(say(&mut world, 1, arrive, 2), "confirmed");
+    assert_eq!(released(&mut world, 0), 1);
+    assert_eq!(released(&mut world, 1), 1);
+    // It stands empty for as many again.
+    assert_eq!(say(&mut world, 1, arrive, 3), "refused");
+    assert_eq!(say(&mut world, 1, arrive, 2), "confirmed");
+    assert_eq!(released(&mut world, 1), 0);
 }

@@ -31,8 +31,15 @@ const EVENTS: usize = 256;
 /// What happened at the links.
 #[derive(Debug)]
 pub enum LinkEvent {
-    /// A stream is open, to this place.
-    Opened(StreamId, String),
+    /// A stream of this endpoint is open.
+    Opened {
+        /// The stream.
+        stream: StreamId,
+        /// The endpoint that it belongs to.
+        endpoint: Endpoint,
+        /// Where it leads: the endpoint, or who connected there.
+        place: String,
+    },
     /// A message came.
     Received(Place, Message),
     /// Something came that cannot be read.
@@ -110,7 +117,8 @@ impl Links {
             Endpoint::TcpListen(place) => {
                 let listener = TcpListener::bind(place).await?;
                 let bound = Endpoint::TcpListen(listener.local_addr()?.to_string());
-                self.tasks.spawn(shared.callers(listener));
+                let callers = shared.callers(listener, endpoint.clone());
+                self.tasks.spawn(callers);
                 Some(bound)
             }
             Endpoint::TcpDial(_) | Endpoint::Serial { .. } => {
@@ -216,14 +224,14 @@ impl Shared {
         }
     }
 
-    async fn callers(self: Arc<Self>, listener: TcpListener) {
+    async fn callers(self: Arc<Self>, listener: TcpListener, endpoint: Endpoint) {
         let mut streams = JoinSet::new();
         loop {
             match listener.accept().await {
                 Ok((stream, from)) => {
-                    let shared = Arc::clone(&self);
+                    let (shared, endpoint) = (Arc::clone(&self), endpoint.clone());
                     let place = format!("tcp://{from}");
-                    streams.spawn(async move { shared.tcp(stream, place).await });
+                    streams.spawn(async move { shared.tcp(stream, &endpoint, place).await });
                 }
                 // Out of file descriptors: it does not get better by trying at once.
                 Err(_) => tokio::time::sleep(PAUSE).await,
@@ -240,7 +248,7 @@ impl Shared {
                     let path = path.to_string_lossy();
                     match tokio_serial::new(path, *baud).open_native_async() {
                         Ok(line) => {
-                            self.serve(line, endpoint.to_string()).await;
+                            self.serve(line, &endpoint, endpoint.to_string()).await;
                             Ok(())
                         }
                         Err(error) => Err(error.to_string()),
@@ -248,7 +256,7 @@ impl Shared {
                 }
                 Endpoint::TcpDial(place) => match TcpStream::connect(place).await {
                     Ok(stream) => {
-                        self.tcp(stream, endpoint.to_string()).await;
+                        self.tcp(stream, &endpoint, endpoint.to_string()).await;
                         Ok(())
                     }
                     Err(error) => Err(error.to_string()),
@@ -262,15 +270,20 @@ impl Shared {
         }
     }
 
-    async fn tcp(&self, stream: TcpStream, place: String) {
+    async fn tcp(&self, stream: TcpStream, endpoint: &Endpoint, place: String) {
         // Small messages that wait for their answers: without it each waits for the last one's
         // acknowledgement. A stream that refuses works all the same.
         let _ = stream.set_nodelay(true);
-        self.serve(stream, place).await;
+        self.serve(stream, endpoint, place).await;
     }
 
     /// Reads and writes a stream until it ends.
-    async fn serve(&self, stream: impl AsyncRead + AsyncWrite + Unpin, place: String) {
+    async fn serve(
+        &self,
+        stream: impl AsyncRead + AsyncWrite + Unpin,
+        endpoint: &Endpoint,
+        place: String,
+    ) {
         let lane = Arc::new(Lane::default());
         let id = {
             let mut open = self.open();
@@ -280,7 +293,13 @@ impl Shared {
             id
         };
         let closing = Closing { shared: self, id };
-        self.tell(LinkEvent::Opened(id, place)).await;
+        let endpoint = endpoint.clone();
+        let opened = LinkEvent::Opened {
+            stream: id,
+            endpoint,
+            place,
+        };
+        self.tell(opened).await;
         let reason = stream::serve(self, Place::Stream(id), stream, &lane).await;
         drop(closing);
         self.tell(LinkEvent::Closed(id, reason.to_string())).await;

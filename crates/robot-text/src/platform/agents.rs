@@ -202,7 +202,8 @@ fn following(address: SocketAddr) -> Option<SocketAddr> {
     Some(SocketAddr::new(address.ip(), port))
 }
 
-fn is_name(name: &str) -> bool {
+/// Whether agents may be called so: 1 to 64 letters, digits and `_ - . @`, and not [`PLATFORM`].
+pub fn is_name(name: &str) -> bool {
     let legal = |octet: u8| octet.is_ascii_alphanumeric() || b"_-.@".contains(&octet);
     (1..=MAX_NAME).contains(&name.len()) && name.bytes().all(legal) && name != PLATFORM
 }

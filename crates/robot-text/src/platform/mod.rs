@@ -8,7 +8,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use self::agents::Agents;
-pub use self::agents::{DeclareError, Place, StreamId};
+pub use self::agents::{DeclareError, Place, StreamId, is_name};
 use self::questions::Questions;
 pub use self::questions::Unanswered;
 use crate::{Kind, Message};

@@ -15,8 +15,8 @@ const SEMAPHORES: u16 = 8;
 /// The options of `fipa hiac device`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// Where the employer is: tcp://HOST:PORT, tcp://HOST:PORT?listen or
-    /// serial:///dev/...?baud=115200
+    /// Where the employer is: tcp://HOST:PORT, tcp://HOST:PORT?listen, tls://HOST:PORT?ca=FILE,
+    /// tls://HOST:PORT?listen&cert=FILE&key=FILE or serial:///dev/...?baud=115200
     #[arg(value_name = "URL", value_parser = endpoint)]
     pub url: Endpoint,
     /// What it is called; at most 14 octets are told
