@@ -68,7 +68,9 @@ fn multicast_that_the_own_host_blocks_is_named() {
     one.wait_for("echo@robot2");
     let checks = one.doctor(Some(&host1), &[]);
     let blocked = checks.iter().filter(|check| check["state"] == "failed");
-    let blocked: Vec<&str> = blocked.map(said).collect();
+    // Over IPv6 it is blocked as well, as soon as the host has an address that it may use.
+    let blocked = blocked.map(said).filter(|said| !said.starts_with("IPv6"));
+    let blocked: Vec<&str> = blocked.collect();
     assert_eq!(
         blocked,
         [
@@ -123,6 +125,56 @@ fn a_port_that_is_blocked_is_named() {
     assert_eq!(verdicts(&checks), [("port", "failed")], "{checks:?}");
     let start = "the port of robot2 is blocked: it is heard by mDNS, but not reached: \
                  tcp://10.0.0.2:4100: no answer";
+    assert!(said(&checks[0]).starts_with(start), "{checks:?}");
+}
+
+#[test]
+fn a_way_out_that_is_no_way_in_is_named() {
+    let Some((host1, host2)) = Namespace::pair() else {
+        return;
+    };
+    // Whoever calls is dropped; answers to what this host calls come through.
+    if !host1.block("input", "iifname wire tcp flags syn / syn,ack") {
+        return;
+    }
+    let place = Place::at_the_usual_port();
+    let two = place.start_in(&host2, "robot2", &["--listen", "10.0.0.2:4100"]);
+    let one = place.start_in(&host1, "robot1", &["--listen", "10.0.0.1:4100"]);
+    let _echo = two.attach("echo", "echo@robot2");
+    one.wait_for("echo@robot2");
+    let checks = one.doctor(Some(&host1), &["robot2"]);
+    assert_eq!(verdicts(&checks), [("port", "failed")], "{checks:?}");
+    let blocked = "robot2 cannot reach this daemon at tcp://10.0.0.1:4100: no answer within 3 s";
+    assert_eq!(said(&checks[0]), blocked);
+    // Seen from the other side it is the port of robot1 that is blocked.
+    let checks = two.doctor(Some(&host2), &["robot1"]);
+    assert_eq!(verdicts(&checks), [("port", "failed")], "{checks:?}");
+    let start = "the port of robot1 is blocked: ";
+    assert!(said(&checks[0]).starts_with(start), "{checks:?}");
+}
+
+#[test]
+fn ipv6_multicast_that_the_own_host_blocks_is_named() {
+    let Some((host1, host2)) = Namespace::pair() else {
+        return;
+    };
+    host1.add_address_v6("fd00::1");
+    host2.add_address_v6("fd00::2");
+    let place = Place::at_the_usual_port();
+    let listen = ["--listen", "[fd00::1]:4100", "--listen", "10.0.0.1:4100"];
+    let one = place.start_in(&host1, "robot1", &listen);
+    assert_eq!(one.doctor(Some(&host1), &[]), [Value::Null; 0]);
+    if !host1.block("input", "ip6 daddr ff02::fb") {
+        return;
+    }
+    let checks = one.doctor(Some(&host1), &[]);
+    assert_eq!(verdicts(&checks), [("multicast", "warning")], "{checks:?}");
+    let blocked = "IPv6 multicast is blocked on wire: what is sent does not come back";
+    assert_eq!(said(&checks[0]), blocked);
+    assert!(host1.block("output", "ip6 daddr ff02::fb"));
+    let checks = one.doctor(Some(&host1), &[]);
+    assert_eq!(verdicts(&checks), [("multicast", "warning")], "{checks:?}");
+    let start = "IPv6 multicast is blocked on wire: it cannot be sent: ";
     assert!(said(&checks[0]).starts_with(start), "{checks:?}");
 }
 

@@ -75,6 +75,25 @@ fn where_the_network_eats_multicast_one_peer_joins_five_daemons() {
 }
 
 #[test]
+fn a_late_joiner_knows_a_thousand_agents_within_2_s_and_ten_thousand_within_10_s() {
+    for (count, within) in [(1_000, 2), (10_000, 10)] {
+        let place = Place::new();
+        let one = place.start("robot1");
+        let platform = fipa::blocking::Platform::attach_to(&one.control).unwrap();
+        let agents = (0..count).map(|n| platform.agent(format!("agent{n}@robot1")).unwrap());
+        let agents: Vec<fipa::blocking::Agent> = agents.collect();
+        let begun = Instant::now();
+        let two = place.start("robot2");
+        let late = fipa::blocking::Platform::attach_to(&two.control).unwrap();
+        let last = format!("agent{}@robot1", count - 1);
+        let found = late.wait_for(&last, Duration::from_secs(within));
+        println!("{count} agents: {:?} after the start", begun.elapsed());
+        assert!(found.is_some(), "{count} agents");
+        assert_eq!(late.search("agent.*").unwrap().len(), agents.len());
+    }
+}
+
+#[test]
 fn a_peer_that_is_given_and_not_there_does_not_switch_mdns_off() {
     let place = Place::new();
     let nobody = std::net::TcpListener::bind("127.0.0.1:0").unwrap();

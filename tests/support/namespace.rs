@@ -83,6 +83,12 @@ impl Namespace {
         self.ip(&format!("addr add {address}/24 dev wire")).unwrap();
     }
 
+    /// Gives the host an IPv6 address at its end of the wire, to be used at once.
+    pub(crate) fn add_address_v6(&self, address: &str) {
+        self.ip(&format!("addr add {address}/64 dev wire nodad"))
+            .unwrap();
+    }
+
     /// The kernel notices a little later that both ends of a wire are plugged in.
     fn wait_until_plugged(&self) {
         let until = Instant::now() + PATIENCE;

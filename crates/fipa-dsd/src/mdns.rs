@@ -1,8 +1,9 @@
 //! Discovery by multicast DNS; the only place that knows `mdns-sd`.
 //!
-//! The library announces everything and searches for daemons. The directory of C++ robots is read
-//! from sockets of our own: of a TXT key that stands in several strings the library hands over only
-//! the first, and it asks for every instance anew each two minutes.
+//! The library announces the daemon and searches for others. The directory of C++ robots is read and
+//! told by sockets of our own: of a TXT key that stands in several strings the library hands over
+//! only the first, it asks for every instance anew each two minutes, and as it takes notice of the
+//! first packet only of what somebody knows already, it would tell the rest to all again and again.
 mod agents;
 mod announce;
 mod announcer;
@@ -12,7 +13,7 @@ mod peers;
 mod start;
 mod txt;
 
-pub(crate) use ears::{GROUP, open as open_at_group};
+pub(crate) use ears::{GROUP, GROUP_V6, open as open_at_group, open_v6 as open_at_group_v6};
 
 use std::collections::VecDeque;
 use std::future::pending;
@@ -29,6 +30,7 @@ use self::heard::Heard;
 use self::peers::Peers;
 use crate::interface::Rule;
 use crate::service_directory::browser::Browser;
+use crate::service_directory::responder::Responder;
 use crate::{DiscoveryEvent, MdnsConfig, MdnsError};
 
 /// How often the own announcement is repeated unless told otherwise.
@@ -40,7 +42,7 @@ const DOUBT_FOR: Duration = Duration::from_secs(5);
 const VERIFY_FOR: Duration = Duration::from_secs(3);
 /// How long [`Mdns::shutdown`] may take.
 const SHUTDOWN_WITHIN: Duration = Duration::from_secs(2);
-/// The goodbye is sent a second time after 120 ms; the socket must live until then.
+/// Goodbyes are sent a second time after 120 ms at most; the sockets must live until then.
 const SECOND_GOODBYE: Duration = Duration::from_millis(150);
 /// How long to wait before a command is offered again to a full queue.
 const RETRY_PAUSE: Duration = Duration::from_millis(10);
@@ -63,6 +65,8 @@ pub struct Mdns {
     announcer: Announcer,
     /// `None` if the scope makes no service type.
     browser: Option<Browser>,
+    /// The same.
+    responder: Option<Responder>,
     ears: Ears,
     /// Whether there is an interface where nothing can be heard; that is told once.
     deaf: bool,
@@ -155,7 +159,8 @@ impl Mdns {
     /// Says goodbye and waits until it was sent, at most 2 s.
     ///
     /// Must be called within a tokio runtime with time enabled.
-    pub async fn shutdown(self) {
+    pub async fn shutdown(mut self) {
+        self.withdraw_all();
         if timeout(SHUTDOWN_WITHIN, self.say_goodbye()).await.is_err() {
             tracing::warn!("mDNS did not shut down in time; the goodbye may be missing");
         }
@@ -232,18 +237,23 @@ impl Mdns {
         self.queue.push_back(DiscoveryEvent::Warning(text));
     }
 
-    async fn say_goodbye(&self) {
-        for fullname in self.announcer.fullnames() {
-            patiently(|| self.daemon.0.unregister(&fullname)).await;
-        }
+    async fn say_goodbye(&mut self) {
         let fullname = self.service.get_fullname();
         if let Some(status) = patiently(|| self.daemon.0.unregister(fullname)).await {
             let _ = status.recv_async().await;
-            sleep(SECOND_GOODBYE).await;
         }
+        sleep(SECOND_GOODBYE).await;
+        self.withdraw_all();
         if let Some(status) = patiently(|| self.daemon.0.shutdown()).await {
             let _ = status.recv_async().await;
         }
+    }
+}
+
+impl Drop for Mdns {
+    fn drop(&mut self) {
+        // After `shutdown` there is nobody left to say goodbye to.
+        self.withdraw_all();
     }
 }
 

@@ -3,7 +3,7 @@
 //! **Knows** sockets of its own and one question. **Never knows** what follows from the answers.
 use std::collections::BTreeMap;
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, SocketAddr, SocketAddrV6};
 use std::time::Duration;
 
 use fipa_directory::InstanceId;
@@ -15,7 +15,7 @@ use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout_at};
 
 use crate::MdnsError;
-use crate::mdns::{GROUP, open_at_group};
+use crate::mdns::{GROUP, GROUP_V6, open_at_group, open_at_group_v6};
 use crate::service_directory::packet::announces_what_it_holds;
 
 /// The service of the daemons.
@@ -39,8 +39,10 @@ pub struct InterfaceProbe {
     pub loopback: bool,
     /// Whether mDNS can be spoken on it at all: it is up, and leads to more than one other host.
     pub usable: bool,
-    /// What came of a multicast packet that was sent there.
+    /// What came of a multicast packet that was sent there over IPv4.
     pub multicast: Multicast,
+    /// What came of one that was sent there over IPv6.
+    pub multicast_v6: Multicast,
     /// The daemons that answered there, by name.
     pub heard: Vec<HeardDaemon>,
 }
@@ -55,7 +57,8 @@ pub enum Multicast {
     NotHeard,
     /// The system did not send it, and why.
     NotSent(String),
-    /// None was sent: the interface is down or leads to one other host, or has no IPv4 address.
+    /// None was sent: the interface is down or leads to one other host, or has no address of this
+    /// version of IP. Over IPv6 loopback is not tried: no system routes multicast there.
     Untried,
 }
 
@@ -108,58 +111,90 @@ async fn probe_interface(
     listen: Duration,
 ) -> InterfaceProbe {
     let usable = interfaces.iter().all(|i| i.is_oper_up() && !i.is_p2p());
+    let loopback = interfaces.iter().any(Interface::is_loopback);
     let addresses: Vec<IpAddr> = interfaces.iter().map(Interface::ip).collect();
-    let mut probe = InterfaceProbe {
-        name,
-        loopback: interfaces.iter().any(Interface::is_loopback),
-        usable,
-        multicast: Multicast::Untried,
-        heard: Vec::new(),
-        addresses,
-    };
-    let ipv4 = probe.addresses.iter().find_map(|address| match address {
+    let ipv4 = addresses.iter().find_map(|address| match address {
         IpAddr::V4(address) => Some(*address),
         IpAddr::V6(_) => None,
     });
-    if let Some(address) = ipv4.filter(|_| usable)
-        && let Err(error) = ask(&mut probe, address, port, listen).await
-    {
-        probe.multicast = Multicast::NotSent(error.to_string());
+    let with_ipv6 = interfaces.iter().find(|interface| interface.ip().is_ipv6());
+    let ipv6 = with_ipv6.and_then(|interface| interface.index);
+    let over_ipv4 = async {
+        let address = ipv4.filter(|_| usable)?;
+        let socket = open_at_group(address, port);
+        let group = SocketAddr::from((GROUP, port));
+        Some(ask(socket, group, &addresses, listen).await)
+    };
+    let over_ipv6 = async {
+        let index = ipv6.filter(|_| usable && !loopback)?;
+        let socket = open_at_group_v6(index, port);
+        let group = SocketAddr::from(SocketAddrV6::new(GROUP_V6, port, 0, index));
+        Some(ask(socket, group, &addresses, listen).await)
+    };
+    let (over_ipv4, over_ipv6) = tokio::join!(over_ipv4, over_ipv6);
+    let multicast_v6 = match &over_ipv6 {
+        // All its addresses are so new that the system does not use them yet.
+        Some(Err(error)) if error.kind() == io::ErrorKind::AddrNotAvailable => Multicast::Untried,
+        asked => verdict(asked.as_ref()),
+    };
+    let multicast = verdict(over_ipv4.as_ref());
+    // What comes by IPv6 comes from link-local addresses, by which nobody can be called.
+    let heard = over_ipv4.and_then(Result::ok).map(|asked| asked.heard);
+    let mut heard = heard.unwrap_or_default();
+    heard.sort_by(|a, b| a.name.cmp(&b.name));
+    InterfaceProbe {
+        name,
+        addresses,
+        loopback,
+        usable,
+        multicast,
+        multicast_v6,
+        heard,
     }
-    probe.heard.sort_by(|a, b| a.name.cmp(&b.name));
-    probe
+}
+
+/// What came of asking.
+#[derive(Debug, Default)]
+struct Asked {
+    /// Whether the question came back to this host.
+    echoed: bool,
+    heard: Vec<HeardDaemon>,
+}
+
+fn verdict(asked: Option<&io::Result<Asked>>) -> Multicast {
+    match asked {
+        None => Multicast::Untried,
+        Some(Err(error)) => Multicast::NotSent(error.to_string()),
+        Some(Ok(Asked { echoed: true, .. })) => Multicast::Works,
+        Some(Ok(_)) => Multicast::NotHeard,
+    }
 }
 
 async fn ask(
-    probe: &mut InterfaceProbe,
-    address: Ipv4Addr,
-    port: u16,
+    socket: io::Result<UdpSocket>,
+    group: SocketAddr,
+    own: &[IpAddr],
     listen: Duration,
-) -> io::Result<()> {
-    let socket = open_at_group(address, port)?;
-    let group = SocketAddr::from((GROUP, port));
+) -> io::Result<Asked> {
+    let socket = socket?;
     let question = question().map_err(io::Error::other)?;
     let begun = Instant::now();
-    let mut echoed = false;
+    let mut asked = Asked::default();
     for until in [begun + AGAIN.min(listen), begun + listen] {
         socket.send_to(&question, group).await?;
         while let Ok(received) = timeout_at(until, receive(&socket)).await {
             let (packet, from) = received?;
             // Whoever else of this host asks the same proves the same.
-            echoed |= packet == question && probe.addresses.contains(&from);
+            asked.echoed |= packet == question && own.contains(&from);
             for daemon in answers(&packet, from, begun.elapsed()) {
                 let known = |heard: &HeardDaemon| heard.instance == daemon.instance;
-                if !probe.heard.iter().any(known) && probe.heard.len() < MOST {
-                    probe.heard.push(daemon);
+                if !asked.heard.iter().any(known) && asked.heard.len() < MOST {
+                    asked.heard.push(daemon);
                 }
             }
         }
     }
-    probe.multicast = match echoed {
-        true => Multicast::Works,
-        false => Multicast::NotHeard,
-    };
-    Ok(())
+    Ok(asked)
 }
 
 async fn receive(socket: &UdpSocket) -> io::Result<(Vec<u8>, IpAddr)> {
@@ -227,6 +262,8 @@ fn answers(packet: &[u8], from: IpAddr, after: Duration) -> Vec<HeardDaemon> {
 
 #[cfg(test)]
 mod tests {
+    use std::net::Ipv4Addr;
+
     use proptest::prelude::*;
     use simple_dns::ResourceRecord;
     use simple_dns::rdata::{SRV, TXT};

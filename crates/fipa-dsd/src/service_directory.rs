@@ -1,12 +1,15 @@
 //! The distributed directory of the C++ `fipa_services`, as it stands in DNS-SD: one service
 //! instance per agent, with the directory entry in its TXT record.
 //!
-//! **Knows** the names, the TXT strings, what of them is in a packet, and when to ask for more.
+//! **Knows** the names, the TXT strings, what of them is in a packet, when to ask for more, and
+//! whom to answer.
 //! **Never knows** a socket or a clock: packets and times come in as arguments, packets and events
 //! come out as values.
+pub(crate) mod answer;
 pub(crate) mod browser;
 pub(crate) mod packet;
 pub(crate) mod reach;
+pub(crate) mod responder;
 pub(crate) mod timestamp;
 pub(crate) mod txt;
 
@@ -15,7 +18,7 @@ const DEFAULT_SERVICE: (&str, &str) = ("_fipa_service_directory", "_udp");
 /// The service under which daemons announce themselves.
 const OWN_SERVICE: (&str, &str) = ("_fipa", "_tcp");
 /// The longest service name that is announced, the underscore aside.
-pub(crate) const LONGEST_SERVICE: u8 = 30;
+const LONGEST_SERVICE: usize = 30;
 /// The longest label of DNS (RFC 1035 2.3.4).
 const LONGEST_LABEL: usize = 63;
 
@@ -47,7 +50,7 @@ impl ServiceType {
     /// which the C++ library has in its own.
     fn checked((service, protocol): (&str, &'static str)) -> Option<ServiceType> {
         let name = service.strip_prefix('_')?;
-        let fits = name.len() <= usize::from(LONGEST_SERVICE);
+        let fits = name.len() <= LONGEST_SERVICE;
         let letters = name.contains(|c: char| c.is_ascii_lowercase());
         let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c);
         let hyphens = name.starts_with('-') || name.ends_with('-') || name.contains("--");
@@ -83,7 +86,7 @@ fn name_of(label: &str) -> String {
 
 /// What makes labels the same to DNS.
 pub(crate) fn key(label: &str) -> String {
-    // `mdns-sd` compares names so.
+    // DNS demands that for the letters of ASCII; some libraries do it with all of them.
     label.to_lowercase()
 }
 

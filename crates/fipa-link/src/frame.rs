@@ -3,7 +3,9 @@ use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Source, State};
 
 use crate::wire::{FrameError, Reader, put_list, put_text};
-use crate::{Facts, Hello, KnownPlatform, Parts, ReceiverOutcome, Sniffed};
+use crate::{
+    AskCallBack, CalledBack, Facts, Hello, KnownPlatform, Parts, ReceiverOutcome, Sniffed,
+};
 
 /// One frame of a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,6 +66,10 @@ pub enum Frame {
     Sniff(bool),
     /// What passed, for a program that watches.
     Sniffed(Box<Sniffed>),
+    /// Somebody asks whether others reach a service.
+    AskCallBack(AskCallBack),
+    /// The answer to that.
+    CalledBack(CalledBack),
     /// A kind that this version does not know; it is passed over.
     Unknown(u8),
 }
@@ -195,6 +201,8 @@ impl Frame {
             21 => Frame::Facts(Facts::read(r)?),
             22 => Frame::Sniff(r.u8()? != 0),
             Frame::SNIFFED => Frame::Sniffed(Box::new(Sniffed::read(r)?)),
+            24 => Frame::AskCallBack(AskCallBack::read(r)?),
+            25 => Frame::CalledBack(CalledBack::read(r)?),
             other => Frame::Unknown(other),
         })
     }
@@ -217,6 +225,8 @@ impl Frame {
             Frame::Facts(_) => 21,
             Frame::Sniff(_) => 22,
             Frame::Sniffed(_) => Frame::SNIFFED,
+            Frame::AskCallBack(_) => 24,
+            Frame::CalledBack(_) => 25,
             Frame::Unknown(kind) => *kind,
         }
     }
@@ -260,6 +270,8 @@ impl Frame {
             Frame::Facts(facts) => facts.put(out),
             Frame::Sniff(on) => out.put_u8(u8::from(on)),
             Frame::Sniffed(sniffed) => return sniffed.put(out),
+            Frame::AskCallBack(ask) => ask.put(out),
+            Frame::CalledBack(called) => called.put(out),
             Frame::Watch | Frame::AskFacts | Frame::Unknown(_) => {}
         }
         Parts::default()
@@ -282,6 +294,8 @@ fn name_of(kind: u8) -> &'static str {
         21 => "facts",
         22 => "sniff",
         Frame::SNIFFED => "sniffed",
+        24 => "ask call back",
+        25 => "called back",
         _ => "unknown",
     }
 }

@@ -11,6 +11,7 @@
 //!   platforms ─▶           who else has an open link with the speaker, and where to dial
 //!   ask ─▶ ◀─ facts        what a person who looks for a fault wants to know
 //!   sniff ─▶ ◀─ sniffed   a program watches what passes; on the control socket only
+//!   ask ─▶ ◀─ called back  whether the other side reaches the speaker
 //!   ping ─▶ ◀─ pong        heartbeat                goodbye ─▶ the reason for closing
 //! ```
 //!
@@ -18,6 +19,7 @@
 //! **Never knows** a socket or a clock, where a letter goes, or what the directory holds. A link
 //! between daemons and the control link of a program are the same.
 
+mod call_back;
 mod facts;
 mod frame;
 mod hello;
@@ -30,6 +32,7 @@ mod platforms;
 mod sniffed;
 mod wire;
 
+pub use call_back::{AskCallBack, CallBack, CallBackResult, CalledBack};
 pub use facts::{Facts, PeerFacts};
 pub use frame::{DirectoryFrame, DirectoryItem, Frame, LetterFrame};
 pub use hello::{Hello, Role};

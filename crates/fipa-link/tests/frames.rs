@@ -4,9 +4,9 @@ use bytes::{BufMut, Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Now, Source, State};
 use fipa_link::{
-    DirectoryFrame, DirectoryItem, Event, Facts, Frame, Hello, Inside, KnownPlatform, LetterFrame,
-    Link, LinkConfig, LinkError, Outcome, PREAMBLE, Passed, PeerFacts, ReceiverOutcome, Role,
-    Sniffed,
+    AskCallBack, CallBack, CallBackResult, CalledBack, DirectoryFrame, DirectoryItem, Event, Facts,
+    Frame, Hello, Inside, KnownPlatform, LetterFrame, Link, LinkConfig, LinkError, Outcome,
+    PREAMBLE, Passed, PeerFacts, ReceiverOutcome, Role, Sniffed,
 };
 use proptest::prelude::*;
 
@@ -169,6 +169,39 @@ fn sniffed() -> impl Strategy<Value = Sniffed> {
     })
 }
 
+fn call_backs() -> impl Strategy<Value = Frame> {
+    let result = prop::sample::select(vec![
+        CallBackResult::Answered,
+        CallBackResult::Refused,
+        CallBackResult::NotReached,
+        CallBackResult::Stranger,
+        CallBackResult::Untried,
+    ]);
+    let call = (text(), result, text()).prop_map(|(address, result, reason)| CallBack {
+        address,
+        result,
+        reason,
+    });
+    let calls = prop::collection::vec(call, 0..4);
+    let addresses = prop::collection::vec(text(), 0..4);
+    prop_oneof![
+        (any::<u64>(), instance(), addresses).prop_map(|(request, whom, addresses)| {
+            Frame::AskCallBack(AskCallBack {
+                request,
+                whom,
+                addresses,
+            })
+        }),
+        (any::<u64>(), text(), calls).prop_map(|(request, refusal, calls)| {
+            Frame::CalledBack(CalledBack {
+                request,
+                refusal,
+                calls,
+            })
+        }),
+    ]
+}
+
 /// Any frame but those that a link answers by itself.
 fn frame() -> impl Strategy<Value = Frame> {
     let items = prop::collection::vec(item(), 0..5);
@@ -210,6 +243,7 @@ fn frame() -> impl Strategy<Value = Frame> {
         facts().prop_map(Frame::Facts),
         any::<bool>().prop_map(Frame::Sniff),
         sniffed().prop_map(|sniffed| Frame::Sniffed(Box::new(sniffed))),
+        call_backs(),
     ]
 }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
 use fipa_directory::{Address, Change, Directory, InstanceId, MESSAGE_TRANSPORT, Now};
-use fipa_link::{Facts, Outcome, ReceiverOutcome, Sniffed};
+use fipa_link::{CallBack, CalledBack, Facts, Outcome, ReceiverOutcome, Sniffed};
 
 use crate::StoredLetter;
 
@@ -287,6 +287,23 @@ pub enum Output {
     Notice(Notice),
     /// What the daemon told that was asked for facts.
     Facts(Box<Facts>),
+    /// Find out whether the service `whom` answers at each of these addresses, all at once and
+    /// within some seconds, and say so by [`Machine::called_back`].
+    CallBack {
+        /// The number to answer with.
+        call: u64,
+        /// Who is to answer.
+        whom: InstanceId,
+        /// Where.
+        addresses: Vec<Address>,
+    },
+    /// What came of being called back.
+    CalledBack {
+        /// The ticket it was asked with.
+        ticket: u64,
+        /// The answer.
+        called: CalledBack,
+    },
 }
 
 /// Something that a person who looks for a fault wants to know.
@@ -427,6 +444,8 @@ pub trait Machine {
     fn connected(&mut self, now: Now, connected: Connected);
     /// No stream could be opened.
     fn dial_failed(&mut self, now: Now, dial: DialId, reason: &str);
+    /// What came of an [`Output::CallBack`]: one call an address.
+    fn called_back(&mut self, _now: Now, _call: u64, _calls: Vec<CallBack>) {}
     /// Octets arrived; what does not make a whole frame yet is left in the buffer.
     fn received(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut);
     /// The stream ended; what had arrived was handed over before.

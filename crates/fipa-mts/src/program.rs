@@ -8,8 +8,8 @@ use fipa_acl::{Letter, Text};
 use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Directory, InstanceId, Now, Record};
 use fipa_link::{
-    DirectoryFrame, Event, Frame, Hello, LetterFrame, Link, LinkConfig, Outcome, ReceiverOutcome,
-    Role,
+    AskCallBack, DirectoryFrame, Event, Frame, Hello, LetterFrame, Link, LinkConfig, Outcome,
+    ReceiverOutcome, Role,
 };
 
 use crate::machine::{
@@ -134,6 +134,18 @@ impl Program {
         self.send(now, Frame::AskFacts);
     }
 
+    /// Asks the daemon to have itself called back by the service `whom`; answered by
+    /// [`Output::CalledBack`]. A daemon or a service that is not there, or is too old, does not
+    /// answer.
+    pub fn ask_call_back(&mut self, now: Now, ticket: u64, whom: InstanceId) {
+        let ask = AskCallBack {
+            request: ticket,
+            whom,
+            addresses: Vec::new(),
+        };
+        self.send(now, Frame::AskCallBack(ask));
+    }
+
     fn id(&mut self) -> u64 {
         self.next_id += 1;
         self.next_id
@@ -227,6 +239,11 @@ impl Program {
             Frame::Receipt { id, outcomes } => self.on_receipt(id, outcomes),
             Frame::Answer { request, refusal } => self.on_answer(request, refusal),
             Frame::Directory(directory) => self.on_directory(now, directory),
+            Frame::CalledBack(called) => {
+                let ticket = called.request;
+                self.outputs
+                    .push_back(Output::CalledBack { ticket, called });
+            }
             Frame::Facts(facts) => self.outputs.push_back(Output::Facts(Box::new(facts))),
             Frame::Sniffed(sniffed) => self.outputs.push_back(Output::Sniffed(sniffed)),
             // The end of the stream follows.

@@ -74,7 +74,10 @@ pub use fipa_directory::{
 pub use fipa_dsd::{
     HeardDaemon, InterfaceProbe, InterfaceSelector, MDNS_PORT, Multicast, probe as probe_mdns,
 };
-pub use fipa_link::{Facts, Inside, Outcome, Parts, Passed, PeerFacts, ReceiverOutcome, Sniffed};
+pub use fipa_link::{
+    CallBack, CallBackResult, CalledBack, Facts, Inside, Outcome, Parts, Passed, PeerFacts,
+    ReceiverOutcome, Sniffed,
+};
 pub use fipa_mts::{DeliveryFailure, Notice, OutboxConfig, RegisterError, Registration};
 pub use fipa_outbox::OpenError as OutboxError;
 pub use fipa_protocol::{Library, Outcome as ConversationOutcome};

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_acl::{Expression, Letter, Message, Text};
-use fipa_directory::{Address, Change, ChangeKind, Now};
-use fipa_link::{Facts, ReceiverOutcome};
+use fipa_directory::{Address, Change, ChangeKind, InstanceId, Now};
+use fipa_link::{CallBack, CallBackResult, CalledBack, Facts, ReceiverOutcome};
 use fipa_mts::{
     Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostedLetter,
     RegisterError,
@@ -17,12 +17,14 @@ use fipa_outbox::Store;
 use fipa_transport::http::HttpClient;
 use fipa_transport::{Buffers, Driver, End, Handle, Listener, Stream};
 use tokio::sync::{Notify, mpsc, oneshot};
+use tokio::task::JoinSet;
 
 use crate::clock::Clock;
 use crate::conversations::Talk;
 use crate::http;
 use crate::room::Place;
 use crate::sniffer::Tap;
+use crate::{GreetError, greet};
 
 /// A machine with what runs it.
 pub(crate) struct Node<M> {
@@ -60,6 +62,7 @@ pub(crate) struct Hub {
     changes: Vec<mpsc::UnboundedSender<Change>>,
     notices: Vec<mpsc::UnboundedSender<Notice>>,
     facts: Vec<oneshot::Sender<Facts>>,
+    call_backs: HashMap<u64, oneshot::Sender<CalledBack>>,
     verify: Option<mpsc::UnboundedSender<Announced>>,
     talks: Vec<Weak<Talk>>,
     tap: Option<Tap>,
@@ -101,6 +104,16 @@ impl Hub {
         let (sender, receiver) = oneshot::channel();
         self.facts.push(sender);
         receiver
+    }
+
+    /// A ticket for a question whether others reach us, and where its answer will come.
+    pub(crate) fn expect_call_back(&mut self) -> (u64, oneshot::Receiver<CalledBack>) {
+        let (sender, receiver) = oneshot::channel();
+        // Who is too old for the question never answers it.
+        self.call_backs.retain(|_, waiter| !waiter.is_closed());
+        self.next_ticket += 1;
+        self.call_backs.insert(self.next_ticket, sender);
+        (self.next_ticket, receiver)
     }
 
     /// What is notified when mail for this agent comes.
@@ -150,6 +163,7 @@ impl Hub {
         self.registrations.clear();
         self.leaves.clear();
         self.facts.clear();
+        self.call_backs.clear();
         self.changes.clear();
         self.notices.clear();
         self.tap = None;
@@ -303,6 +317,16 @@ impl<M: Machine + Send + 'static> Node<M> {
         self.with(|now, machine, _| machine.posted(now, letter.post, result));
     }
 
+    /// Calls a service at each of these addresses.
+    async fn call_back(self: Arc<Self>, call: u64, whom: InstanceId, addresses: Vec<Address>) {
+        let calls: JoinSet<CallBack> = addresses
+            .into_iter()
+            .map(|address| call_at(address, whom))
+            .collect();
+        let calls = calls.join_all().await;
+        self.with(|now, machine, _| machine.called_back(now, call, calls));
+    }
+
     /// Does what the machine wants done. A connection that is at work needs no waking.
     fn act(self: &Arc<Self>, state: &mut State<M>, at_work: Option<ConnId>) {
         while let Some(output) = state.machine.poll_output() {
@@ -312,6 +336,14 @@ impl<M: Machine + Send + 'static> Node<M> {
                 }
                 Output::Post(letter) => {
                     self.runtime.spawn(Arc::clone(self).post(*letter));
+                }
+                Output::CallBack {
+                    call,
+                    whom,
+                    addresses,
+                } => {
+                    let calling = Arc::clone(self).call_back(call, whom, addresses);
+                    self.runtime.spawn(calling);
                 }
                 Output::Transmit(conn) if Some(conn) == at_work => {}
                 Output::Transmit(conn) => {
@@ -356,6 +388,33 @@ impl<M: Machine + Send + 'static> Node<M> {
             state.scheduled = next;
             self.timer.notify_one();
         }
+    }
+}
+
+/// Finds out whether a service answers at an address.
+async fn call_at(address: Address, whom: InstanceId) -> CallBack {
+    let (result, reason) = match greet(std::slice::from_ref(&address)).await {
+        Ok(greeting) if greeting.instance == whom => (CallBackResult::Answered, String::new()),
+        Ok(greeting) => {
+            let reason = format!("{} answers there", greeting.name);
+            (CallBackResult::Stranger, reason)
+        }
+        Err(error) => {
+            let result = match error {
+                GreetError::Refused(_) => CallBackResult::Refused,
+                GreetError::Unreachable(_) => CallBackResult::NotReached,
+                GreetError::Strange(_) | GreetError::Mute => CallBackResult::Stranger,
+            };
+            let reason = error.to_string();
+            let place = format!("{address}: ");
+            let reason = reason.strip_prefix(&place).unwrap_or(&reason);
+            (result, reason.to_owned())
+        }
+    };
+    CallBack {
+        address: address.to_text(),
+        result,
+        reason: Text::from(reason),
     }
 }
 
@@ -409,6 +468,11 @@ fn tell(hub: &mut Hub, output: Output) {
                 tap.tell(*sniffed);
             }
         }
+        Output::CalledBack { ticket, called } => {
+            if let Some(waiter) = hub.call_backs.remove(&ticket) {
+                let _ = waiter.send(called);
+            }
+        }
         Output::Verify(announced) => {
             if let Some(verify) = &hub.verify {
                 let _ = verify.send(announced);
@@ -416,6 +480,7 @@ fn tell(hub: &mut Hub, output: Output) {
         }
         Output::Dial { .. }
         | Output::Post(_)
+        | Output::CallBack { .. }
         | Output::Transmit(_)
         | Output::Close(_)
         | Output::Finish(_)

@@ -13,7 +13,7 @@ use crate::backend::Backend;
 use crate::clock::Clock;
 use crate::node::{Hub, Node};
 use crate::room::Room;
-use crate::{Error, PlatformBuilder, Sniffer};
+use crate::{CalledBack, Error, PlatformBuilder, Sniffer};
 
 /// A platform: the place where agents live.
 ///
@@ -277,6 +277,27 @@ impl Platform {
                 }
             });
         }
+    }
+
+    /// Whether the platform `whom`, with which there is a link, reaches this one: it calls back
+    /// where this one says it is, if that is the host that the link comes from. `None` from a
+    /// platform or a daemon that does not answer: it is too old for that, or stands still.
+    pub async fn call_back(&self, whom: InstanceId) -> Option<CalledBack> {
+        let answer = match &self.inner.backend {
+            Backend::Service(node) => node.with(|now, mts, hub| {
+                let (ticket, answer) = hub.expect_call_back();
+                mts.ask_call_back(now, ticket, whom);
+                answer
+            }),
+            Backend::Program(node) => node.with(|now, program, hub| {
+                let (ticket, answer) = hub.expect_call_back();
+                program.ask_call_back(now, ticket, whom);
+                answer
+            }),
+        };
+        // An address may take 6 s.
+        let patience = std::time::Duration::from_secs(8);
+        tokio::time::timeout(patience, answer).await.ok()?.ok()
     }
 
     /// The time, as the ages in records are counted.

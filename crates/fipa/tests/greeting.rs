@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::net::TcpListener;
 
-use fipa::{Address, GreetError, Greeting, Platform, greet};
+use fipa::{Address, CallBackResult, GreetError, Greeting, InstanceId, Platform, greet};
 
 fn nobody() -> (TcpListener, Address) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -61,4 +61,31 @@ async fn nobody_a_mute_one_and_a_stranger_are_told_apart() {
     let strange = greet(&[address]).await.unwrap_err();
     assert!(matches!(strange, GreetError::Strange(_)), "{strange:?}");
     stranger.join().unwrap();
+}
+
+#[tokio::test]
+async fn a_platform_that_is_linked_says_whether_it_reaches_this_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let control = folder.path().join("daemon.sock");
+    let one = Platform::builder().name("one").mdns(false);
+    let one = one.start().await.unwrap();
+    let endpoint = one.endpoints()[0].to_string();
+    let two = Platform::builder().name("two").mdns(false).peer(endpoint);
+    let two = two.control(&control).start().await.unwrap();
+    let _echo = one.agent("echo").await.unwrap();
+    two.wait_for("echo").await;
+    let program = Platform::attach_to(&control).await.unwrap();
+    let instance = one.facts().await.unwrap().instance;
+    for asking in [&two, &program] {
+        let called = asking.call_back(instance).await.unwrap();
+        assert_eq!(called.refusal, "");
+        let [call] = &called.calls[..] else {
+            panic!("{called:?}");
+        };
+        assert_eq!(call.address, two.endpoints()[0].to_string().as_str());
+        assert_eq!(call.result, CallBackResult::Answered, "{call:?}");
+        let nobody = InstanceId::from_bytes([9; 16]);
+        let called = asking.call_back(nobody).await.unwrap();
+        assert_eq!(called.refusal, "there is no link with it");
+    }
 }

@@ -15,7 +15,7 @@ use serde_json::json;
 use tokio::task::JoinSet;
 
 use self::checks::{Check, State, examine};
-use self::evidence::{Call, Evidence, Wanted};
+use self::evidence::{Back, Call, Evidence, Wanted};
 use crate::Failure;
 use crate::attached::{self, Control, print_json, print_line};
 
@@ -96,10 +96,18 @@ async fn gather(args: &Args) -> Evidence {
         None => (everybody(facts, &interfaces), None),
     };
     let own = facts.map(own_places).unwrap_or_default();
+    let (own, calls) = tokio::join!(call(own), call(others));
+    let backs = match (&platform, facts) {
+        (Ok(platform), Some(facts)) => {
+            call_back(platform, linked(facts, wanted.as_ref(), &calls)).await
+        }
+        _ => Vec::new(),
+    };
     Evidence {
         doubles: platform.as_ref().map(doubles).unwrap_or_default(),
-        own: call(own).await,
-        calls: call(others).await,
+        own,
+        calls,
+        backs,
         daemon,
         interfaces,
         wanted,
@@ -199,6 +207,46 @@ fn everybody(
         }
     }
     others.into_values().take(MOST).collect()
+}
+
+/// The daemons with which there are links, as far as the question is about them.
+fn linked<'a>(
+    facts: &'a Facts,
+    wanted: Option<&Wanted>,
+    calls: &[Call],
+) -> impl Iterator<Item = (String, InstanceId)> + use<'a> {
+    let answered = calls.iter().filter_map(|call| call.result.as_ref().ok());
+    let answered: Vec<InstanceId> = answered.map(|greeting| greeting.instance).collect();
+    let name = wanted.map(|wanted| wanted.name.clone());
+    let open = facts
+        .peers
+        .iter()
+        .filter(|peer| peer.heard_millis.is_some());
+    let asked = open.filter_map(|peer| Some((peer.name.to_string(), peer.instance?)));
+    asked
+        .filter(move |(peer, instance)| match &name {
+            Some(name) => name == peer || answered.contains(instance),
+            None => true,
+        })
+        .take(MOST)
+}
+
+/// Has all of them call the daemon at once.
+async fn call_back(
+    platform: &Platform,
+    whom: impl Iterator<Item = (String, InstanceId)>,
+) -> Vec<Back> {
+    let mut calls = JoinSet::new();
+    for (whom, instance) in whom {
+        let platform = platform.clone();
+        calls.spawn(async move {
+            let answer = platform.call_back(instance).await;
+            Back { whom, answer }
+        });
+    }
+    let mut backs = calls.join_all().await;
+    backs.sort_by(|a, b| a.whom.cmp(&b.whom));
+    backs
 }
 
 /// Agent names that more than one platform holds.

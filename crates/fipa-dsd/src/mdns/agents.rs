@@ -4,14 +4,14 @@ use std::time::Duration;
 
 use fipa_acl::Text;
 use fipa_directory::Entry;
-use mdns_sd::Error;
 use tokio::time::Instant;
 
+use super::Mdns;
 use super::announcer::Order;
 use super::ears::Packet;
-use super::{Mdns, RETRY_PAUSE};
 use crate::interface::usable_interfaces;
 use crate::service_directory::browser::Output;
+use crate::service_directory::responder::Send;
 use crate::{AgentsReport, DiscoveryEvent, LeftOut, MdnsError};
 
 /// How often the interfaces are looked at, as the library does it.
@@ -31,14 +31,14 @@ impl Mdns {
     pub fn announce_agent(&mut self, entry: Entry) -> Result<(), LeftOut> {
         let now = Instant::now();
         self.agents_at = now;
-        self.announcer.put(now.into_std(), entry)
+        self.announcer.put(entry)
     }
 
     /// Says goodbye to an agent of this daemon. Nothing happens if there is no such agent.
     pub fn withdraw_agent(&mut self, name: &str) {
         let now = Instant::now();
         self.agents_at = now;
-        self.announcer.remove(now.into_std(), name);
+        self.announcer.remove(name);
     }
 
     /// Announces these agents and no others.
@@ -48,10 +48,10 @@ impl Mdns {
         let entries: Vec<Entry> = entries.into_iter().collect();
         let names: HashSet<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
         let stays = |name: &str| names.contains(name);
-        self.announcer.retain(now.into_std(), stays);
+        self.announcer.retain(stays);
         for entry in entries.iter().cloned() {
             // Who is left out stands in the report.
-            let _ = self.announcer.put(now.into_std(), entry);
+            let _ = self.announcer.put(entry);
         }
         self.announcer.report()
     }
@@ -87,7 +87,11 @@ impl Mdns {
         {
             tracing::trace!("not a packet of DNS at the port of mDNS");
         }
+        if let Some(responder) = &mut self.responder {
+            responder.handle_packet(now.into_std(), &packet.octets, packet.from);
+        }
         self.attend_to_search(now);
+        self.attend_to_announcements(now);
     }
 
     pub(super) fn attend_to_agents(&mut self) {
@@ -101,7 +105,7 @@ impl Mdns {
             browser.handle_timeout(now.into_std());
         }
         self.attend_to_search(now);
-        self.give_orders(now);
+        self.attend_to_announcements(now);
     }
 
     /// Passes on that daemons are lost, and that with them all their agents are.
@@ -131,26 +135,36 @@ impl Mdns {
         self.agents_at = self.agents_at.min(due.max(now));
     }
 
-    /// Tells the library what it has to announce, as far as it takes it.
-    fn give_orders(&mut self, now: Instant) {
-        while let Some(order) = self.announcer.order(now.into_std()) {
-            let given = match order {
-                Order::Register(service) => self.daemon.0.register(*service),
-                Order::Unregister(fullname) => self.daemon.0.unregister(&fullname).map(drop),
-            };
-            match given {
-                Err(Error::Again) => {
-                    self.agents_at = self.agents_at.min(now + RETRY_PAUSE);
-                    return;
-                }
-                Ok(()) | Err(Error::DaemonShutdown) => {}
-                Err(error) => self.warn(format!("cannot announce an agent: {error}")),
+    /// Tells others of the own agents what is due.
+    fn attend_to_announcements(&mut self, now: Instant) {
+        let Some(responder) = &mut self.responder else {
+            return;
+        };
+        while let Some(order) = self.announcer.poll_order() {
+            match order {
+                Order::Announce(told) => responder.put(now.into_std(), told),
+                Order::Withdraw(label) => responder.remove(now.into_std(), &label),
             }
-            self.announcer.done(now.into_std());
         }
-        if let Some(due) = self.announcer.poll_timeout() {
-            self.agents_at = self.agents_at.min(Instant::from_std(due));
+        responder.handle_timeout(now.into_std());
+        while let Some(packet) = responder.poll_output() {
+            match packet {
+                Send::ToAll(packet) => self.ears.send(&packet),
+                Send::To(to, packet) => self.ears.send_to(to, &packet),
+            }
         }
+        if let Some(due) = responder.poll_timeout() {
+            self.agents_at = self.agents_at.min(Instant::from_std(due).max(now));
+        }
+    }
+
+    /// Says goodbye to all agents; called again, whatever of that is due.
+    pub(super) fn withdraw_all(&mut self) {
+        let now = Instant::now();
+        if let Some(responder) = &mut self.responder {
+            responder.remove_all(now.into_std());
+        }
+        self.attend_to_announcements(now);
     }
 
     fn rescan(&mut self, now: Instant) {
@@ -159,7 +173,10 @@ impl Mdns {
             Err(error) => return self.warn(error.to_string()),
         };
         let reach = self.rule.reach(&interfaces);
-        self.announcer.set_reach(now.into_std(), reach);
+        if let Some(responder) = &mut self.responder {
+            responder.set_addresses(reach.ipv4());
+        }
+        self.announcer.set_reach(reach);
         let Some(browser) = &mut self.browser else {
             return;
         };
@@ -167,10 +184,15 @@ impl Mdns {
         let (new, failed) = self.ears.listen_at(&posts);
         if new {
             browser.ask_anew(now.into_std());
+            if let Some(responder) = &mut self.responder {
+                responder.announce_anew(now.into_std());
+            }
         }
         let was_deaf = std::mem::replace(&mut self.deaf, failed.is_some());
         if let Some(error) = failed.filter(|_| !was_deaf) {
-            self.warn(format!("C++ robots are not heard everywhere: {error}"));
+            self.warn(format!(
+                "C++ robots are not heard and told everywhere: {error}"
+            ));
         }
     }
 }

@@ -1,6 +1,6 @@
-//! The sockets by which the directory of C++ robots is heard and asked.
+//! The sockets by which the directory of C++ robots is heard, asked and told.
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, SocketAddrV4, SocketAddrV6};
 use std::task::Poll;
 
 use socket2::{Domain, Protocol, Socket, Type};
@@ -11,6 +11,8 @@ use crate::interface::Post;
 
 /// The multicast group of mDNS. C++ robots have no addresses but those of IPv4.
 pub(crate) const GROUP: Ipv4Addr = Ipv4Addr::new(224, 0, 0, 251);
+/// The same for IPv6.
+pub(crate) const GROUP_V6: Ipv6Addr = Ipv6Addr::new(0xff02, 0, 0, 0, 0, 0, 0, 0xfb);
 /// The longest packet (RFC 6762 section 17).
 const LONGEST: usize = 9000;
 /// The buffer that the system is asked for: many robots may answer at once.
@@ -32,6 +34,7 @@ struct Ear {
 /// A packet that was heard.
 pub(super) struct Packet {
     pub(super) octets: Vec<u8>,
+    pub(super) from: SocketAddr,
     pub(super) on_loopback: bool,
 }
 
@@ -69,9 +72,10 @@ impl Ears {
                 let mut octets = [0; LONGEST];
                 let mut buffer = ReadBuf::new(&mut octets);
                 match ear.socket.poll_recv_from(context, &mut buffer) {
-                    Poll::Ready(Ok(_)) => {
+                    Poll::Ready(Ok(from)) => {
                         return Poll::Ready(Packet {
                             octets: buffer.filled().to_vec(),
+                            from,
                             on_loopback: ear.post.on_loopback,
                         });
                     }
@@ -85,6 +89,16 @@ impl Ears {
             Poll::Pending
         })
         .await
+    }
+
+    /// Sends a packet to one who asked.
+    pub(super) fn send_to(&self, to: SocketAddr, packet: &[u8]) {
+        let Some(ear) = self.ears.first() else {
+            return;
+        };
+        if let Err(error) = ear.socket.try_send_to(packet, to) {
+            tracing::debug!("mDNS to {to}: {error}");
+        }
     }
 
     /// Sends a packet on all interfaces. What is lost is asked for again.
@@ -120,6 +134,27 @@ pub(crate) fn open(address: Ipv4Addr, port: u16) -> io::Result<UdpSocket> {
     if let Err(error) = socket.set_recv_buffer_size(BUFFER) {
         tracing::debug!("mDNS at {address}: {error}");
     }
+    socket.set_nonblocking(true)?;
+    UdpSocket::from_std(socket.into())
+}
+
+/// The same for IPv6, on the interface with this index.
+pub(crate) fn open_v6(index: u32, port: u16) -> io::Result<UdpSocket> {
+    let socket = Socket::new(Domain::IPV6, Type::DGRAM, Some(Protocol::UDP))?;
+    socket.set_only_v6(true)?;
+    socket.set_reuse_address(true)?;
+    #[cfg(unix)]
+    socket.set_reuse_port(true)?;
+    #[cfg(unix)]
+    let local = SocketAddrV6::new(GROUP_V6, port, 0, index);
+    #[cfg(not(unix))]
+    let local = SocketAddrV6::new(Ipv6Addr::UNSPECIFIED, port, 0, 0);
+    socket.bind(&SocketAddr::V6(local).into())?;
+    #[cfg(target_os = "linux")]
+    socket.set_multicast_all_v6(false)?;
+    socket.join_multicast_v6(&GROUP_V6, index)?;
+    socket.set_multicast_if_v6(index)?;
+    socket.set_multicast_hops_v6(255)?;
     socket.set_nonblocking(true)?;
     UdpSocket::from_std(socket.into())
 }

@@ -15,8 +15,10 @@ use super::ears::Ears;
 use super::peers::Peers;
 use super::{Mdns, REPEAT_EVERY, Running, refused};
 use crate::interface::{Rule, describe, usable_interfaces};
+use crate::service_directory::ServiceType;
+use crate::service_directory::answer::Teller;
 use crate::service_directory::browser::Browser;
-use crate::service_directory::{LONGEST_SERVICE, ServiceType};
+use crate::service_directory::responder::Responder;
 use crate::{DiscoveryEvent, MdnsConfig, MdnsError};
 
 /// How long the thread of `mdns-sd` has to carry out the first commands.
@@ -34,8 +36,6 @@ pub(super) fn start(config: MdnsConfig) -> Result<Mdns, MdnsError> {
 
     let daemon = Running(ServiceDaemon::new_with_port(config.port).map_err(refused)?);
     let monitor = insist(|| daemon.0.monitor())?;
-    // Without this the directory of C++ robots is not announced, and nobody is told so.
-    insist(|| daemon.0.set_service_name_len_max(LONGEST_SERVICE))?;
     // A single rule, asked for every interface, also for those that appear later.
     let asked = rule.clone();
     let silent = IfPredicate::new(move |interface| !asked.speaks_on(interface));
@@ -53,21 +53,26 @@ pub(super) fn start(config: MdnsConfig) -> Result<Mdns, MdnsError> {
         None => VecDeque::from([no_service_type(&config.scope)]),
     };
     let now = std::time::Instant::now();
+    let reach = rule.reach(&interfaces);
     let begun = |service_type| Browser::new(service_type, config.instance, fastrand::u64(..), now);
+    let responder = |service_type| {
+        let teller = Teller {
+            service_type,
+            host: format!("fipa-{}-agents", &config.instance.to_string()[..16]),
+            addresses: reach.ipv4(),
+        };
+        Responder::new(teller, config.port, fastrand::u64(..), now)
+    };
+    let responder = service_type.clone().map(responder);
     Ok(Mdns {
         daemon,
         service,
         monitor,
         events,
-        announcer: Announcer::new(
-            config.instance,
-            service_type.clone(),
-            config.agents,
-            rule.clone(),
-            rule.reach(&interfaces),
-        ),
+        announcer: Announcer::new(config.instance, service_type.clone(), config.agents, reach),
         rule,
         browser: service_type.map(begun),
+        responder,
         ears: Ears::new(config.port),
         deaf: false,
         agents_at: Instant::now(),

@@ -8,9 +8,9 @@ use super::ServiceType;
 use super::txt::TxtString;
 
 /// The longest packet that is written: one that no link has to cut (RFC 6762 section 17).
-const LONGEST: usize = 1400;
+pub(super) const LONGEST: usize = 1400;
 /// Octets of the header of a packet.
-const HEADER: usize = 12;
+pub(super) const HEADER: usize = 12;
 /// What a question about an instance, or a known answer, has beside its label: a compressed name
 /// and the fixed fields.
 const BESIDE_LABEL: usize = 18;
@@ -148,7 +148,10 @@ fn read_text_questions(packet: &Packet<'_>, service_type: &ServiceType) -> Vec<R
         .collect()
 }
 
-fn read_record(record: &ResourceRecord<'_>, service_type: &ServiceType) -> Option<Record> {
+pub(super) fn read_record(
+    record: &ResourceRecord<'_>,
+    service_type: &ServiceType,
+) -> Option<Record> {
     match &record.rdata {
         RData::PTR(PTR(alias)) if record.name == name(&service_type.labels()) => {
             Some(Record::Instance {
@@ -171,7 +174,7 @@ fn read_record(record: &ResourceRecord<'_>, service_type: &ServiceType) -> Optio
 }
 
 /// The label of an instance of this type.
-fn label_of(full: &Name<'_>, service_type: &ServiceType) -> Option<String> {
+pub(super) fn label_of(full: &Name<'_>, service_type: &ServiceType) -> Option<String> {
     let (label, rest) = full.get_labels().split_first()?;
     let same = rest.len() == service_type.labels().len()
         && rest
@@ -182,7 +185,7 @@ fn label_of(full: &Name<'_>, service_type: &ServiceType) -> Option<String> {
     same.then(|| label.to_owned())
 }
 
-fn name<'a>(labels: &[&'a str]) -> Name<'a> {
+pub(super) fn name<'a>(labels: &[&'a str]) -> Name<'a> {
     let labels: Vec<_> = labels
         .iter()
         .map(|label| Label::new_unchecked(label.as_bytes()))
@@ -190,7 +193,7 @@ fn name<'a>(labels: &[&'a str]) -> Name<'a> {
     Name::new_with_labels(&labels)
 }
 
-fn instance<'a>(label: &'a str, service_type: &'a ServiceType) -> Name<'a> {
+pub(super) fn instance<'a>(label: &'a str, service_type: &'a ServiceType) -> Name<'a> {
     let [service, protocol, domain] = service_type.labels();
     name(&[label, service, protocol, domain])
 }
@@ -200,7 +203,7 @@ fn question(name: Name<'_>, record: TYPE) -> Question<'_> {
 }
 
 /// The items in groups, each of which fits into one packet beside what is fixed.
-fn in_groups<T>(
+pub(super) fn in_groups<T>(
     items: impl Iterator<Item = T>,
     fixed: usize,
     label: impl Fn(&T) -> usize,
@@ -222,7 +225,7 @@ fn in_groups<T>(
 }
 
 /// The packets; one that cannot be written, for a label that no packet can have held, is left out.
-fn written(packets: impl Iterator<Item = simple_dns::Result<Vec<u8>>>) -> Vec<Vec<u8>> {
+pub(super) fn written(packets: impl Iterator<Item = simple_dns::Result<Vec<u8>>>) -> Vec<Vec<u8>> {
     packets.filter_map(Result::ok).collect()
 }
 

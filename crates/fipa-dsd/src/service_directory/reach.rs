@@ -1,5 +1,5 @@
 //! Which locations of an agent are told to C++ neighbours.
-use std::net::IpAddr;
+use std::net::{IpAddr, Ipv4Addr};
 
 use fipa_directory::{Address, Location, MESSAGE_TRANSPORT};
 
@@ -13,6 +13,15 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
+    /// The addresses of IPv4.
+    pub(crate) fn ipv4(&self) -> Vec<Ipv4Addr> {
+        let ipv4 = self.hosts.iter().filter_map(|host| match host {
+            IpAddr::V4(address) => Some(*address),
+            IpAddr::V6(_) => None,
+        });
+        ipv4.collect()
+    }
+
     /// The locations of an agent as others can use them, in the order in which `fipa_services` is
     /// to try them: TCP over IPv4, the only one that it knows, then other TCP, then the rest under
     /// signatures that it passes over.

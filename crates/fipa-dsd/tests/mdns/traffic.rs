@@ -9,27 +9,27 @@ use socket2::{Domain, Socket, Type};
 
 use crate::support::{agent, config, on_loopback};
 
-/// How long a network has to come to rest: the first questions are asked within 13 seconds.
-const SETTLED: Duration = Duration::from_secs(18);
+/// How long a network has to come to rest: the first questions are asked within 13 seconds, and a
+/// small machine is busy for longer with fifty platforms that start at the same moment.
+const SETTLED: Duration = Duration::from_secs(45);
 const WINDOW: Duration = Duration::from_secs(60);
-/// Agents of all platforms together. More of them, announced by fifty platforms at the same moment,
-/// keep a small machine busy for longer than this test may take.
-const AGENTS: usize = 200;
+/// Agents of each platform.
+const AGENTS: usize = 20;
 
 #[test]
-#[ignore = "takes three minutes"]
+#[ignore = "takes four minutes"]
 fn traffic_of_one_platform() {
     traffic_does_not_grow_with_agents("traffic::traffic_of_one_platform", 1);
 }
 
 #[test]
-#[ignore = "takes three minutes"]
+#[ignore = "takes four minutes"]
 fn traffic_of_ten_platforms() {
     traffic_does_not_grow_with_agents("traffic::traffic_of_ten_platforms", 10);
 }
 
 #[test]
-#[ignore = "takes three minutes"]
+#[ignore = "takes four minutes, and a release build: fifty platforms are much for one machine"]
 fn traffic_of_fifty_platforms() {
     traffic_does_not_grow_with_agents("traffic::traffic_of_fifty_platforms", 50);
 }
@@ -37,10 +37,9 @@ fn traffic_of_fifty_platforms() {
 fn traffic_does_not_grow_with_agents(test: &str, platforms: u8) {
     on_loopback(test, || async move {
         let bare = packets_a_minute(platforms, 0).await;
-        let agents = AGENTS / usize::from(platforms);
-        let with_agents = packets_a_minute(platforms, agents).await;
+        let with_agents = packets_a_minute(platforms, AGENTS).await;
         println!(
-            "{platforms} platforms: {bare} packets a minute, with {agents} agents each {with_agents}"
+            "{platforms} platforms: {bare} packets a minute, with {AGENTS} agents each {with_agents}"
         );
         assert!(bare > 0, "nothing was counted");
         // Two repetitions a minute of two packets each, and a few questions of the library.

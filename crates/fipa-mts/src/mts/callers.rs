@@ -90,9 +90,16 @@ impl Mts {
             return true;
         };
         if caller.octets.is_empty() && octets.first() == Some(&PREAMBLE[0]) {
-            let same_host = caller.same_host;
+            let (remote, same_host) = (caller.remote.clone(), caller.same_host);
             self.callers.remove(&conn);
-            self.open_link(now, conn, None, false, same_host);
+            let connected = Connected {
+                conn,
+                dialled: None,
+                control: false,
+                same_host,
+                remote,
+            };
+            self.open_link(now, connected, None);
             return true;
         }
         if octets.is_empty() {

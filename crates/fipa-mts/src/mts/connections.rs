@@ -8,6 +8,7 @@ use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now};
 use fipa_link::{Event, Frame, Hello, Link, LinkConfig, Role};
 
+use super::call_backs::Asker;
 use super::dialling::Purpose;
 use super::sync::Unfinished;
 use super::{Mts, Timer};
@@ -44,6 +45,8 @@ pub(super) struct Conn {
     pub(super) link: Link,
     /// Where it was dialled to.
     pub(super) address: Option<Address>,
+    /// Where the other end is.
+    pub(super) remote: Option<Address>,
     purpose: Option<Purpose>,
     /// Nothing has come over it yet.
     mute: bool,
@@ -100,33 +103,29 @@ impl Conn {
 
 impl Mts {
     pub(super) fn open_conn(&mut self, now: Now, connected: Connected) {
-        let (conn, control, same_host) = (connected.conn, connected.control, connected.same_host);
+        let conn = connected.conn;
         match connected.dialled {
             Some((dial, _)) if self.post.has_dial(dial) => self.post_connected(now, conn, dial),
             _ if self.closing => self.outputs.push_back(Output::Close(conn)),
-            Some((dial, address)) => {
+            Some((dial, _)) => {
                 let purpose = self.dials.remove(&dial);
-                self.open_link(now, conn, Some((purpose, address)), control, same_host);
+                self.open_link(now, connected, purpose);
             }
-            None if control => self.open_link(now, conn, None, control, same_host),
+            None if connected.control => self.open_link(now, connected, None),
             None if self.let_in(&connected) => self.called(now, connected),
             None => {}
         }
     }
 
     /// Greets whoever is at the other end of a connection that is to be a link.
-    pub(super) fn open_link(
-        &mut self,
-        now: Now,
-        conn: ConnId,
-        dialled: Option<(Option<Purpose>, Address)>,
-        control: bool,
-        same_host: bool,
-    ) {
-        let (purpose, address) = match dialled {
-            Some((purpose, address)) => (purpose, Some(address)),
-            None => (None, None),
-        };
+    pub(super) fn open_link(&mut self, now: Now, connected: Connected, purpose: Option<Purpose>) {
+        let Connected {
+            conn,
+            dialled,
+            control,
+            same_host,
+            remote,
+        } = connected;
         let mut config = LinkConfig::new(self.hello(now, same_host));
         if let Some(Purpose::Seed(seed)) = purpose
             && self.is_given_with_letter(seed)
@@ -140,7 +139,8 @@ impl Mts {
             conn,
             Conn {
                 link,
-                address,
+                address: dialled.map(|(_, address)| address),
+                remote: remote.parse().ok(),
                 purpose,
                 mute: true,
                 control,
@@ -274,9 +274,11 @@ impl Mts {
             }
             Partner::Program { .. } => {
                 self.program_is_gone(conn);
+                self.forget_call_backs(conn);
                 self.program_ended(now, conn, closed.outstanding);
             }
             Partner::Daemon { instance, .. } => {
+                self.end_call_backs(now, instance);
                 self.peer_conn_ended(now, instance, conn, closed.outstanding, reason);
             }
         }
@@ -297,21 +299,21 @@ impl Mts {
         }
     }
 
-    fn hello(&self, now: Now, same_host: bool) -> Hello {
+    /// Where a partner on this host or on another is told that we are.
+    pub(super) fn endpoints_for(&self, same_host: bool) -> Vec<Text> {
         let told = |address: &&Address| same_host || address.is_for_others();
+        let endpoints = self.config.endpoints.iter().filter(told);
+        endpoints.map(Address::to_text).collect()
+    }
+
+    fn hello(&self, now: Now, same_host: bool) -> Hello {
         Hello {
             version: Hello::VERSION,
             role: Role::Daemon,
             instance: self.config.instance,
             name: self.config.name.clone(),
             scope: self.config.scope.clone(),
-            endpoints: self
-                .config
-                .endpoints
-                .iter()
-                .filter(told)
-                .map(Address::to_text)
-                .collect(),
+            endpoints: self.endpoints_for(same_host),
             max_letter: self.config.max_letter as u64,
             unix_millis: now.unix_millis,
         }
@@ -403,6 +405,18 @@ impl Mts {
                 self.send(now, conn, Frame::Facts(facts));
             }
             (Frame::Sniff(on), Partner::Program { .. }) => self.program_watches(now, conn, on),
+            (Frame::AskCallBack(ask), Partner::Program { .. }) => {
+                let asker = Asker::Program(conn, ask.request);
+                self.pass_call_back_on(now, asker, ask.whom);
+            }
+            (Frame::AskCallBack(ask), Partner::Daemon { instance, .. }) => {
+                let instance = *instance;
+                self.call_back(now, conn, instance, ask);
+            }
+            (Frame::CalledBack(called), Partner::Daemon { instance, .. }) => {
+                let instance = *instance;
+                self.was_called_back(now, instance, called);
+            }
             (
                 Frame::Attach {
                     request,

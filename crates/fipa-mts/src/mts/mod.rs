@@ -1,6 +1,7 @@
 //! The message transport service. This module holds its state; its parts each hold one concern.
 
 mod backlog;
+mod call_backs;
 mod callers;
 mod connections;
 mod deliveries;
@@ -38,9 +39,10 @@ use bytes::{Bytes, BytesMut};
 use fipa_acl::{Letter, Text};
 use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Directory, InstanceId, Now};
-use fipa_link::Outcome;
+use fipa_link::{CallBack, Outcome};
 
 use self::backlog::Backlog;
+use self::call_backs::CallBacks;
 use self::callers::Caller;
 use self::connections::Conn;
 use self::deliveries::{Delivery, Origin, Pending};
@@ -92,6 +94,7 @@ pub struct Mts {
     neighbours: HashMap<Text, Neighbour>,
     /// Agents of ours that C++ robots are not told of, and why.
     left_out: BTreeMap<Text, Text>,
+    call_backs: CallBacks,
     post: Post,
     /// Letters that were posted to us, to recognise those that come again.
     recent: Recent,
@@ -151,6 +154,7 @@ impl Mts {
             seeds: Seeds::default(),
             neighbours: HashMap::new(),
             left_out: BTreeMap::new(),
+            call_backs: CallBacks::default(),
             post: Post::default(),
             recent: Recent::default(),
             dials: HashMap::new(),
@@ -208,6 +212,10 @@ impl Machine for Mts {
         } else {
             self.post_dial_failed(now, dial, reason);
         }
+    }
+
+    fn called_back(&mut self, now: Now, call: u64, calls: Vec<CallBack>) {
+        self.answer_call_back(now, call, calls);
     }
 
     fn received(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut) {

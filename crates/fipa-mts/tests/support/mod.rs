@@ -82,6 +82,12 @@ impl Raw {
 
     /// A service, and a partner on the same host or on another.
     pub(crate) fn at(role: Role, same_host: bool) -> Raw {
+        let config = Config::new(InstanceId::from_bytes([1; 16]), "here");
+        Raw::with(config, role, same_host, "tcp://partner:1")
+    }
+
+    /// A service with this configuration, and where its partner is.
+    pub(crate) fn with(config: Config, role: Role, same_host: bool, remote: &'static str) -> Raw {
         let now = Now {
             mono: secs(1000),
             unix_millis: 1_795_341_600_000,
@@ -97,7 +103,7 @@ impl Raw {
             unix_millis: now.unix_millis,
         };
         let mut raw = Raw {
-            mts: Mts::new(Config::new(InstanceId::from_bytes([1; 16]), "here")),
+            mts: Mts::new(config),
             now,
             outputs: Vec::new(),
             heard: Vec::new(),
@@ -111,7 +117,7 @@ impl Raw {
             dialled: None,
             control: role == Role::Program,
             same_host,
-            remote: Text::from("tcp://partner:1"),
+            remote: Text::from_static(remote),
         };
         raw.mts.connected(now, connected);
         raw.exchange();

@@ -2,6 +2,8 @@
 //!
 //! **Never knows** a socket, a clock or the daemon: the evidence is a value.
 
+mod backs;
+
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 
@@ -83,6 +85,7 @@ pub(super) fn examine(evidence: &Evidence) -> Vec<Check> {
             .iter()
             .flat_map(|call| called(evidence, call)),
     );
+    checks.extend(evidence.backs.iter().flat_map(backs::called_back));
     checks.extend(links(evidence));
     checks.extend(names(evidence));
     checks.extend(doubles(evidence));
@@ -175,7 +178,9 @@ fn is(peer: &PeerFacts, instance: InstanceId) -> bool {
 }
 
 fn multicast(evidence: &Evidence) -> Vec<Check> {
-    let mut checks: Vec<Check> = evidence.interfaces.iter().flatten().map(sent).collect();
+    let interfaces = evidence.interfaces.iter().flatten();
+    let sent = interfaces.flat_map(|i| [Some(sent(i)), sent_v6(i)]);
+    let mut checks: Vec<Check> = sent.flatten().collect();
     let Ok(facts) = &evidence.daemon else {
         return checks;
     };
@@ -233,6 +238,44 @@ fn sent(interface: &InterfaceProbe) -> Check {
             format!("{name} is down or leads to one host only, so no mDNS is spoken there"),
         ),
     }
+}
+
+/// Over IPv6; nothing where it was not tried.
+fn sent_v6(interface: &InterfaceProbe) -> Option<Check> {
+    let name = &interface.name;
+    let (said, door) = match &interface.multicast_v6 {
+        Multicast::Untried => return None,
+        Multicast::Works => {
+            let said = format!("{name} sends IPv6 multicast and hears it");
+            return Some(ok("multicast", said));
+        }
+        Multicast::NotHeard => (
+            format!("IPv6 multicast is blocked on {name}: what is sent does not come back"),
+            "in",
+        ),
+        Multicast::NotSent(reason) => (
+            format!("IPv6 multicast is blocked on {name}: it cannot be sent: {reason}"),
+            "out",
+        ),
+    };
+    Some(match interface.multicast {
+        Multicast::Works => warning(
+            "multicast",
+            said,
+            &format!(
+                "robots find each other by IPv4 there; for IPv6 alone let UDP port 5353 {door} \
+                 through the firewall of this host"
+            ),
+        ),
+        _ => failed(
+            "multicast",
+            said,
+            &format!(
+                "let UDP port 5353 {door} through the firewall of this host, for IPv6 as well, or \
+                 give --peer"
+            ),
+        ),
+    })
 }
 
 fn heard(evidence: &Evidence) -> Vec<Check> {

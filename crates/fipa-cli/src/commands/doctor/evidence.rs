@@ -1,6 +1,6 @@
 //! What the doctor has found out, before anything is concluded from it.
 
-use fipa::{Facts, GreetError, Greeting, HeardDaemon, InterfaceProbe};
+use fipa::{CalledBack, Facts, GreetError, Greeting, HeardDaemon, InterfaceProbe};
 
 /// Everything that was found out.
 #[derive(Clone, Debug)]
@@ -15,6 +15,8 @@ pub(super) struct Evidence {
     pub(super) own: Vec<Call>,
     /// What came of calling others.
     pub(super) calls: Vec<Call>,
+    /// What came of having others call the daemon of this host.
+    pub(super) backs: Vec<Back>,
     /// Whom the question is about; `None`: everybody.
     pub(super) wanted: Option<Wanted>,
 }
@@ -30,6 +32,15 @@ pub(super) struct Call {
     pub(super) other_make: bool,
     /// What came of it.
     pub(super) result: Result<Greeting, GreetError>,
+}
+
+/// An attempt to have another daemon call the one of this host.
+#[derive(Clone, Debug)]
+pub(super) struct Back {
+    /// Who was to call.
+    pub(super) whom: String,
+    /// Its answer; `None`: there was none.
+    pub(super) answer: Option<CalledBack>,
 }
 
 /// Whom the question is about.

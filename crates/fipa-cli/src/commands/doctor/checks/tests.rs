@@ -1,8 +1,8 @@
 use std::time::Duration;
 
-use fipa::{Address, HeardDaemon};
+use fipa::{Address, CallBack, CallBackResult, CalledBack, HeardDaemon};
 
-use super::super::evidence::Wanted;
+use super::super::evidence::{Back, Wanted};
 use super::*;
 
 fn id(octet: u8) -> InstanceId {
@@ -50,6 +50,23 @@ fn greeting() -> Greeting {
     }
 }
 
+/// The calls of another daemon to as many addresses.
+fn back(results: &[CallBackResult]) -> Back {
+    let calls = results.iter().map(|result| CallBack {
+        address: "tcp://10.0.0.1:4100".into(),
+        result: *result,
+        reason: "why".into(),
+    });
+    Back {
+        whom: "robot2".to_owned(),
+        answer: Some(CalledBack {
+            request: 1,
+            refusal: "".into(),
+            calls: calls.collect(),
+        }),
+    }
+}
+
 /// Two robots that see each other.
 fn healthy() -> Evidence {
     Evidence {
@@ -60,6 +77,7 @@ fn healthy() -> Evidence {
             loopback: false,
             usable: true,
             multicast: Multicast::Works,
+            multicast_v6: Multicast::Works,
             heard: vec![heard(1, "robot1"), heard(2, "robot2")],
         }]),
         doubles: Vec::new(),
@@ -70,6 +88,7 @@ fn healthy() -> Evidence {
             other_make: false,
             result: Ok(greeting()),
         }],
+        backs: vec![back(&[CallBackResult::Answered])],
         wanted: None,
     }
 }
@@ -205,4 +224,38 @@ fn another_version_and_another_scope_are_told_of() {
         ..greeting()
     });
     assert_eq!(after(|e| e.calls[0].result = scope), ["failed scope"]);
+}
+
+#[test]
+fn a_daemon_that_another_does_not_reach_is_told_of_unless_it_reaches_it_elsewhere() {
+    use CallBackResult::{Answered, NotReached, Refused, Stranger, Untried};
+    let calls = |results: &[CallBackResult]| after(|e| e.backs = vec![back(results)]);
+    for result in [NotReached, Refused, Stranger] {
+        assert_eq!(calls(&[result]), ["failed port"]);
+        assert_eq!(calls(&[result, Untried]).len(), 2);
+        assert_eq!(calls(&[result, Answered]), ["warning port"]);
+    }
+    assert_eq!(calls(&[Untried, Answered]), [""; 0]);
+    assert_eq!(calls(&[Untried]), ["warning port"]);
+    assert_eq!(calls(&[]), ["warning port"]);
+    let silent = after(|e| e.backs[0].answer = None);
+    assert_eq!(silent, ["warning port"]);
+    let refused = |e: &mut Evidence| {
+        let answer = e.backs[0].answer.as_mut().unwrap();
+        answer.refusal = "too often".into();
+    };
+    assert_eq!(after(refused), ["warning port"]);
+}
+
+#[test]
+fn multicast_over_ipv6_is_missed_more_where_there_is_none_over_ipv4() {
+    let eaten = |e: &mut Evidence| wlan(e).multicast_v6 = Multicast::NotHeard;
+    assert_eq!(after(eaten), ["warning multicast"]);
+    let not_sent = |e: &mut Evidence| {
+        wlan(e).multicast_v6 = Multicast::NotSent("denied".to_owned());
+        wlan(e).multicast = Multicast::Untried;
+    };
+    assert_eq!(after(not_sent), ["failed multicast"]);
+    let untried = |e: &mut Evidence| wlan(e).multicast_v6 = Multicast::Untried;
+    assert_eq!(after(untried), [""; 0]);
 }
