@@ -6,8 +6,8 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    agents, ams, attach, decode, df, doctor, echo, encode, hiac, listen, ping, platform, protocol,
-    send, sniff, text,
+    agents, ams, attach, decode, df, doctor, echo, encode, hiac, listen, lock, ping, platform,
+    protocol, send, sniff, text,
 };
 use crate::{Failure, streams};
 
@@ -49,12 +49,17 @@ pub enum Command {
     Hiac(hiac::Args),
     /// Be an agent that prints what it is sent
     Listen(listen::Args),
+    /// Run a command while a resource is held
+    Lock(Box<lock::Args>),
     /// Ask an agent, and measure how long the answer takes
     Ping(ping::Args),
     /// List the agents of platforms of other makes
     Platform(platform::Args),
     /// Check, draw and replay interaction protocols
     Protocol(protocol::Args),
+    /// Run the command of `fipa lock`
+    #[command(hide = true)]
+    RunWhileHeld(lock::held::Args),
     /// Send a message, and say what became of it
     Send(Box<send::Args>),
     /// Watch what passes the daemon, or read a letter log
@@ -77,6 +82,7 @@ impl Command {
             Command::Encode(_) => "encode",
             Command::Hiac(_) => "hiac",
             Command::Listen(_) => "listen",
+            Command::Lock(_) | Command::RunWhileHeld(_) => "lock",
             Command::Ping(_) => "ping",
             Command::Platform(_) => "platform",
             Command::Protocol(_) => "protocol",
@@ -86,8 +92,8 @@ impl Command {
         }
     }
 
-    fn run(&self) -> Result<(), Failure> {
-        match self {
+    fn run(&self) -> Result<ExitCode, Failure> {
+        let done = match self {
             Command::Agents(args) => agents::run(args),
             Command::Ams(args) => ams::run(args),
             Command::Attach(args) => attach::run(args),
@@ -98,13 +104,16 @@ impl Command {
             Command::Encode(args) => encode::run(args),
             Command::Hiac(args) => hiac::run(args),
             Command::Listen(args) => listen::run(args),
+            Command::Lock(args) => return lock::run(args),
             Command::Ping(args) => ping::run(args),
             Command::Platform(args) => platform::run(args),
             Command::Protocol(args) => protocol::run(args),
+            Command::RunWhileHeld(args) => lock::held::run(args),
             Command::Send(args) => send::run(args),
             Command::Sniff(args) => sniff::run(args),
             Command::Text(args) => text::run(args),
-        }
+        };
+        done.map(|()| ExitCode::SUCCESS)
     }
 }
 
@@ -119,10 +128,10 @@ pub fn main() -> ExitCode {
 pub fn run(command_line: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> ExitCode {
     let (name, result) = match Cli::try_parse_from(command_line) {
         Ok(cli) => (format!("fipa {}", cli.command.name()), cli.command.run()),
-        Err(error) => ("fipa".into(), usage(&error)),
+        Err(error) => ("fipa".into(), usage(&error).map(|()| ExitCode::SUCCESS)),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(failure) => {
             // If nobody listens on standard error, the exit code is all there is to say.
             let _ = writeln!(io::stderr(), "{name}: {failure}");

@@ -58,3 +58,27 @@ fn every_recorded_message_is_accepted() {
         assert!(seen > 30 && ended > 10, "{own:?}: {seen}, {ended}");
     }
 }
+
+#[test]
+fn an_owner_may_answer_a_confirmation_with_a_number() {
+    let library = Arc::new(Library::builtin());
+    let mut monitor = Monitor::new(library, None, Config::default());
+    for (act, from, to) in [
+        ("request", "arm", "locks"),
+        ("agree", "locks", "arm"),
+        ("confirm", "arm", "locks"),
+        ("confirm", "arm", "locks"),
+        ("inform", "locks", "arm"),
+        ("disconfirm", "arm", "locks"),
+    ] {
+        let message = Message::new(act).from_agent(from).to(to);
+        let message = message
+            .protocol("ricart_agrawala_extended")
+            .conversation_id("arm_1");
+        let verdict = monitor.observe(Now::default(), &message);
+        let accepted = matches!(verdict, Verdict::Accepted { .. });
+        assert!(accepted, "{act}: {verdict:?}");
+    }
+    let conversation = monitor.conversation(&"arm_1".into());
+    assert!(conversation.is_some_and(|c| c.is_complete()));
+}

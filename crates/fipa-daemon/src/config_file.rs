@@ -24,7 +24,7 @@ use suggestion::nearest;
 pub const DEFAULT_CONFIG: &str = include_str!("default_config.toml");
 
 /// The keys, in the order of the options.
-pub(crate) const KEYS: [&str; 19] = [
+pub(crate) const KEYS: [&str; 20] = [
     "name",
     "listen",
     "http",
@@ -38,6 +38,7 @@ pub(crate) const KEYS: [&str; 19] = [
     "peer",
     "control",
     "json",
+    "owns",
     "hiac",
     "hiac-address",
     "text",
@@ -133,6 +134,7 @@ fn put(
         "mdns-port" => layer.mdns_port = Some(entry.number(value::port)?),
         "peer" => layer.peer = Some(entry.list(value::peer_address)?),
         "control" => layer.control = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
+        "owns" => layer.owns = Some(entry.list(value::resource)?),
         "json" => layer.json = Some(entry.flag()?),
         "hiac" => layer.hiac = Some(entry.list(value::hiac_endpoint)?),
         "hiac-address" => layer.hiac_address = entry.text(optional(value::hiac_workgroup))?,

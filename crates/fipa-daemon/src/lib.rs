@@ -10,9 +10,11 @@
 
 mod config_file;
 mod demo;
+mod fencing;
 mod fleet;
 mod hiac;
 mod letter_log;
+mod locks;
 pub mod options;
 mod run;
 mod text;

@@ -67,6 +67,8 @@ pub struct Options {
     pub control: PathBuf,
     /// Whether standard output carries JSON.
     pub json: bool,
+    /// The resources that the daemon lends; none is empty or has a line break.
+    pub owns: Vec<String>,
     /// Where HIAC stations are.
     pub hiac: Vec<HiacEndpoint>,
     /// The HIAC address of the daemon and the mask of its workgroup; always there with `hiac`.
@@ -82,8 +84,8 @@ pub struct Options {
     pub log_letters: Option<PathBuf>,
     /// Octets of the largest letter that is taken, at least 1.
     pub max_letter: usize,
-    /// The directory for what survives a restart: letters for robots that are away. Without it
-    /// nothing is stored.
+    /// The directory for what survives a restart: letters for robots that are away, and the numbers
+    /// of what `owns` lends. Without it nothing does.
     pub state: Option<PathBuf>,
     /// How many letters are stored there, and for how long.
     pub outbox: OutboxConfig,
@@ -105,6 +107,7 @@ impl Default for Options {
             peer: Vec::new(),
             control: fipa::default_control_path(),
             json: false,
+            owns: Vec::new(),
             hiac: Vec::new(),
             hiac_address: None,
             hiac_names: HiacNames::default(),

@@ -8,6 +8,7 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::hiac::{BindHiacError, HiacService};
 use crate::letter_log::{LetterLog, OpenLogError};
+use crate::locks::{self, OwnResourceError};
 use crate::options::Options;
 use crate::text::{BindTextError, TextService};
 
@@ -22,6 +23,8 @@ pub(crate) enum RunError {
     Hiac(#[from] BindHiacError),
     #[error(transparent)]
     Log(#[from] OpenLogError),
+    #[error(transparent)]
+    Owns(#[from] OwnResourceError),
 }
 
 /// Runs the daemon until SIGINT or SIGTERM.
@@ -37,6 +40,7 @@ pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
     let mut notices = platform.notices();
     let mut text = TextService::start(&platform, options).await?;
     let mut hiac = HiacService::start(&platform, options).await?;
+    let _owner = locks::own(&platform, options).await?;
     say_ready(options, &platform, hiac.bound(), text.bound());
     loop {
         tokio::select! {

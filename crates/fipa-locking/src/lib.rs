@@ -50,7 +50,17 @@
 //! | `X-Heartbeat` | `confirm`, `request` of Suzuki-Kasami | the holder's heartbeat in ms; the owner's is the longest |
 //! | | `inform`, `propagate` | the heartbeat by which the lease counts |
 //!
-//! and one message, the `inform` with which the owner answers a `confirm` that has `X-Fencing: 0`.
+//! and two messages: the `inform` with which the owner answers a `confirm` that has `X-Fencing: 0`,
+//! and the `inform` with which everybody answers a `query-ref` of the protocol `dlm_list`
+//! ([`list_query`]): what is owned there, a line for each resource.
+//!
+//! ```text
+//!   FENCING HOLDER COUNT WAITING... RESOURCE
+//!   17 arm@robot1 2 drive@robot2 lift@robot3 the gripper
+//! ```
+//!
+//! The number is that of [`LockView::fencing`], `-` where there is none; the holder is `-` where
+//! there is none; the count says how many names follow; the rest of the line is the resource.
 //!
 //! # Messages of an entry
 //!
@@ -68,9 +78,9 @@
 //! heartbeat, a waiter two with each agent that it waits for.
 //!
 //! ```text
-//!   messages of the algorithm, n = 50
-//!   Ricart-Agrawala           ██████████████████████████████████████████████████ 98
-//!   Ricart-Agrawala extended  ██████████████████████████████████████████████████ 98
+//!   messages of the algorithm, n = 50; a block for two
+//!   Ricart-Agrawala           █████████████████████████████████████████████████ 98
+//!   Ricart-Agrawala extended  █████████████████████████████████████████████████ 98
 //!   Suzuki-Kasami             █████████████████████████ 50
 //!   Suzuki-Kasami extended    █████████████████████████▌ 51
 //! ```
@@ -114,6 +124,7 @@
 mod agent;
 mod algorithm;
 mod config;
+mod listing;
 #[cfg(test)]
 mod model;
 mod output;
@@ -127,4 +138,5 @@ mod wire;
 pub use agent::LockAgent;
 pub use algorithm::Algorithm;
 pub use config::Config;
+pub use listing::{ListError, list_query, read_list};
 pub use output::{FailureReason, LockView, LossReason, Output, Record, RequestError};

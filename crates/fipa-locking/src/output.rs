@@ -115,6 +115,6 @@ pub struct LockView {
     pub holder: Option<Text>,
     /// Who waits for it, by name.
     pub waiting: Vec<Text>,
-    /// The last number that was issued; 0: none ever was.
-    pub fencing: u64,
+    /// The last number that was issued; 0: none ever was. `None`: who holds it has none.
+    pub fencing: Option<u64>,
 }

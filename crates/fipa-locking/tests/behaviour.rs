@@ -5,6 +5,7 @@ use std::time::Duration;
 use fipa_acl::{Message, Performative, Text};
 use fipa_locking::{
     Algorithm, Config, FailureReason, LockAgent, LossReason, Output, Record, RequestError,
+    list_query, read_list,
 };
 
 const H: Duration = Duration::from_secs(5);
@@ -151,7 +152,7 @@ fn two_claims_are_answered_one_after_the_other() {
     owner.handle(START, &back);
     owner.persisted(START, "door", 2);
     let view = owner.owned().next().unwrap();
-    assert_eq!((view.holder, view.fencing), (Some("b".into()), 2));
+    assert_eq!((view.holder, view.fencing), (Some("b".into()), Some(2)));
     // What comes late claims nothing.
     owner.handle(START, &confirm("a", "a_1"));
     assert_eq!(owner.owned().next().unwrap().waiting, ["b"; 0]);
@@ -466,4 +467,75 @@ fn the_earlier_request_goes_first_and_of_two_at_once_that_of_the_smaller_name() 
     assert_eq!(granted[0].receiver[0].name, "a");
     waiter.release(START, "door");
     assert_eq!(sent(&mut waiter).len(), 2);
+}
+
+#[test]
+fn whoever_asks_is_told_what_is_owned_and_who_holds_and_waits() {
+    let mut owner = owner(START, Record::default());
+    owner.own(START, "the gripper", Record::default()).unwrap();
+    owner.handle(START, &confirm("a", "a_1"));
+    owner.persisted(START, "door", 1);
+    owner.handle(START, &confirm("b", "b_1"));
+    let plain = message(
+        "c",
+        Performative::Confirm,
+        RA.protocol(),
+        "c_1",
+        "the gripper",
+    );
+    owner.handle(START, &plain);
+    outputs(&mut owner);
+    let query = list_query("o").from_agent("x").reply_with("tag");
+    assert!(owner.handle(START, &query));
+    let answer = sent(&mut owner).remove(0);
+    assert_eq!(answer.receiver[0].name, "x");
+    assert_eq!(answer.in_reply_to, Some("tag".into()));
+    assert_eq!(
+        answer.content_str(),
+        Some("1 a 1 b door\n- c 0 the gripper")
+    );
+    let views: Vec<_> = owner.owned().collect();
+    assert_eq!(read_list(&answer), Ok(views));
+    // The answer is for whoever has asked, not for its own locks.
+    assert!(!owner.handle(START, &answer));
+
+    let mut nobody = agent("n");
+    nobody.handle(START, &query);
+    let answer = sent(&mut nobody).remove(0);
+    assert_eq!(read_list(&answer), Ok(Vec::new()));
+}
+
+#[test]
+fn an_agent_that_asks_again_before_it_gave_back_gets_it_again() {
+    for algorithm in [RA, SK] {
+        let mut owner = owner(START, Record::default());
+        let ask = |id: &str, sequence: u64| match algorithm {
+            RA => confirm("a", id),
+            _ => message(
+                "a",
+                Performative::Request,
+                SK.protocol(),
+                id,
+                &format!("door\n{sequence}"),
+            )
+            .user_defined("X-Heartbeat", "5000"),
+        };
+        owner.handle(START, &ask("a_1", 1));
+        owner.persisted(START, "door", 1);
+        let lent = sent(&mut owner).remove(0);
+        owner.handle(START, &ask("a_2", 2));
+        let back = match algorithm {
+            RA => message("a", Performative::Disconfirm, RA.protocol(), "a_1", "door"),
+            _ => {
+                let token = lent.content_str().unwrap();
+                message("a", Performative::Propagate, SK.protocol(), "a_1", token)
+                    .language("suzuki_kasami::Token")
+                    .user_defined("X-Fencing", "1")
+            }
+        };
+        owner.handle(START, &back);
+        let view = owner.owned().next().unwrap();
+        let held = (view.holder, view.fencing);
+        assert_eq!(held, (Some("a".into()), Some(2)), "{algorithm}");
+    }
 }

@@ -171,3 +171,39 @@ fn the_owner_is_found_by_one_query_and_one_broadcast_answer() {
         }
     }
 }
+
+#[test]
+fn the_documentation_shows_what_is_measured() {
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/src/lib.rs");
+    let source = std::fs::read_to_string(source).unwrap();
+    let shown: Vec<&str> = source
+        .lines()
+        .filter_map(|line| line.strip_prefix("//! "))
+        .collect();
+    let mut rows = shown.iter().filter_map(|line| {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        // The columns for n = 3, 10 and 50 are the last ones.
+        let [.., three, ten, fifty, _] = cells[..] else {
+            return None;
+        };
+        let counted = three.starts_with(|c: char| c.is_ascii_digit());
+        counted.then_some([three, ten, fifty])
+    });
+    let mut bars = shown.iter().filter(|line| line.contains('█'));
+    for algorithm in Algorithm::ALL {
+        let counts = [3, 10, 50].map(|n| measure(n, algorithm)[0]);
+        let row = counts.map(|counts| match algorithm {
+            Algorithm::SuzukiKasami => counts.algorithm.to_string(),
+            _ => format!("{}+{}+{}", counts.algorithm, counts.owner, counts.probes),
+        });
+        assert_eq!(rows.next().unwrap(), row, "{algorithm}");
+        let messages = counts[2].algorithm;
+        // One block stands for two messages.
+        let blocks = "█".repeat(messages / 2) + if messages % 2 == 1 { "▌" } else { "" };
+        let bar = bars.next().unwrap().trim();
+        let ending = format!(" {blocks} {messages}");
+        assert!(bar.ends_with(&ending), "{algorithm}: {bar} for {ending}");
+    }
+    assert_eq!(rows.next(), None);
+    assert_eq!(bars.next(), None);
+}

@@ -1,15 +1,16 @@
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
 use fipa_acl::{Expression, Letter, Message, Representation, Text};
 use fipa_codec::{Limits, decode_payload};
 use fipa_link::ReceiverOutcome;
 use fipa_mts::{DeliveryFailure, Urgency};
-use tokio::sync::{Notify, oneshot};
+use tokio::sync::{Notify, mpsc, oneshot};
 
 use crate::conversations::{Talk, Voice};
+use crate::locks::{self, Locks};
 use crate::platform::Inner;
 use crate::{ReceiveError, RequestError, Sending, TrySendError, sending};
 
@@ -20,12 +21,14 @@ pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
 /// received. [`leave`](Agent::leave) loses nothing.
 ///
 /// All methods take `&self`, so that an agent can be shared between tasks. What
-/// [`request`](Agent::request) waits for does not reach [`receive`](Agent::receive).
+/// [`request`](Agent::request) waits for does not reach [`receive`](Agent::receive), nor do the
+/// messages of its [locks](crate::locks).
 pub struct Agent {
-    platform: Arc<Inner>,
-    name: Text,
-    mail: Arc<Notify>,
-    inbox: Mutex<Inbox>,
+    pub(crate) platform: Arc<Inner>,
+    pub(crate) name: Text,
+    pub(crate) mail: Arc<Notify>,
+    pub(crate) inbox: Arc<Mutex<Inbox>>,
+    pub(crate) locks: OnceLock<Locks>,
     conversations: AtomicU64,
     registered: AtomicBool,
     pub(crate) talk: Arc<Talk>,
@@ -36,10 +39,12 @@ pub struct Agent {
 const LOOKED_THROUGH: usize = 1000;
 
 #[derive(Default)]
-struct Inbox {
+pub(crate) struct Inbox {
     /// By urgency.
     messages: [VecDeque<Incoming>; Urgency::COUNT],
     expected: Vec<Expected>,
+    /// Where the messages of the agent's locks go, once it has some.
+    pub(crate) locks: Option<mpsc::UnboundedSender<Message>>,
 }
 
 /// A letter that came, and what its payload says or why that cannot be read.
@@ -52,6 +57,36 @@ struct Expected {
 }
 
 impl Inbox {
+    /// Takes the mail in while there is room, gives the locks and conversations what is theirs, and
+    /// sorts the rest. Whether all of the mail was taken in.
+    pub(crate) fn take_in(
+        &mut self,
+        platform: &Inner,
+        talk: &Arc<Talk>,
+        has_room: impl Fn(&Inbox) -> bool,
+    ) -> bool {
+        while has_room(self) {
+            let taken = platform.backend.with(|_, m, _| m.take_mail(&talk.name));
+            let Some(letter) = taken else {
+                return true;
+            };
+            let message = match (read(&letter), &self.locks) {
+                // Without their driver the locks have ended.
+                (Ok(message), Some(locks)) if locks::takes(&message) => {
+                    drop(locks.send(message));
+                    continue;
+                }
+                (Ok(message), _) => match talk.incoming(platform, message) {
+                    Some(message) => Ok(message),
+                    None => continue,
+                },
+                (unreadable, _) => unreadable,
+            };
+            self.sort(letter, message);
+        }
+        false
+    }
+
     /// Takes a letter in: an answer for whoever waits for it, anything else for `receive`.
     fn sort(&mut self, letter: Letter, message: Result<Message, String>) {
         self.expected
@@ -78,6 +113,11 @@ impl Inbox {
         }
     }
 
+    /// How many messages wait for `receive`.
+    pub(crate) fn kept(&self) -> usize {
+        self.messages.iter().map(VecDeque::len).sum()
+    }
+
     fn pop(&mut self) -> Option<Incoming> {
         let mut messages = self.messages.iter_mut().rev();
         messages.find_map(VecDeque::pop_front)
@@ -85,7 +125,7 @@ impl Inbox {
 
     /// Whether another letter is to be looked at: for an answer, or for `receive` to have one.
     fn has_room(&self, others_wait: bool) -> bool {
-        let kept: usize = self.messages.iter().map(VecDeque::len).sum();
+        let kept = self.kept();
         let waited_for = others_wait || self.expected.iter().any(|e| !e.answer.is_closed());
         kept < if waited_for { LOOKED_THROUGH } else { 1 }
     }
@@ -98,7 +138,8 @@ impl Agent {
             platform,
             name,
             mail,
-            inbox: Mutex::default(),
+            inbox: Arc::default(),
+            locks: OnceLock::new(),
             conversations: AtomicU64::new(0),
             registered: AtomicBool::new(true),
             talk: Arc::new(talk),
@@ -208,7 +249,7 @@ impl Agent {
         self.platform
             .backend
             .with(|_, _, hub| hub.forget_mail(name));
-        let mut inbox = self.lock();
+        let mut inbox = self.inbox();
         for letter in letters {
             let message = read(&letter);
             inbox.sort(letter, message);
@@ -237,7 +278,7 @@ impl Agent {
                 now.plus(deadline).unix_millis,
             ));
         let (sender, mut answer) = oneshot::channel();
-        self.lock().expected.push(Expected {
+        self.inbox().expected.push(Expected {
             reply_with,
             answer: sender,
         });
@@ -296,24 +337,9 @@ impl Agent {
 
     /// Takes the mail in: answers to those who wait for them, the rest for `receive`.
     fn sort_mail(&self) -> MutexGuard<'_, Inbox> {
-        let mut inbox = self.lock();
-        let name = &self.name;
-        let take = || self.platform.backend.with(|_, m, _| m.take_mail(name));
-        let mut is_read = false;
-        while inbox.has_room(self.talk.takes_mail()) {
-            let Some(letter) = take() else {
-                is_read = true;
-                break;
-            };
-            let message = match read(&letter) {
-                Ok(message) => match self.talk.incoming(&self.platform, message) {
-                    Some(message) => Ok(message),
-                    None => continue,
-                },
-                unreadable => unreadable,
-            };
-            inbox.sort(letter, message);
-        }
+        let mut inbox = self.inbox();
+        let has_room = |inbox: &Inbox| inbox.has_room(self.talk.takes_mail());
+        let is_read = inbox.take_in(&self.platform, &self.talk, has_room);
         // Those that went have said what they had to say, or nobody is going to read it.
         if is_read || self.talk.takes_mail() {
             self.talk.mail_is_read(&self.platform);
@@ -342,7 +368,7 @@ impl Agent {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Inbox> {
+    fn inbox(&self) -> MutexGuard<'_, Inbox> {
         self.inbox.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -46,6 +46,7 @@ mod discovery;
 mod error;
 mod greet;
 mod http;
+pub mod locks;
 mod management;
 mod names;
 mod node;

@@ -160,6 +160,7 @@ impl Platform {
     /// Registers an agent with a description and service type of its own.
     pub async fn register(&self, registration: Registration) -> Result<Agent, Error> {
         let name = registration.name.clone();
+        let locks = registration.kind == *crate::locks::AGENT_TYPE;
         let (answer, mail) = self.inner.backend.with(|now, machine, hub| {
             let mail = hub.on_mail(&name);
             let (ticket, answer) = hub.expect_registration();
@@ -169,6 +170,7 @@ impl Platform {
         // Dropped while waiting: the agent goes again.
         let agent = Agent::new(Arc::clone(&self.inner), name, mail);
         match answer.await {
+            Ok(Ok(())) if locks => agent.with_locks(),
             Ok(Ok(())) => Ok(agent),
             Ok(Err(error)) => {
                 agent.disown();

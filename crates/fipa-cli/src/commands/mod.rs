@@ -11,6 +11,7 @@ pub mod echo;
 pub mod encode;
 pub mod hiac;
 pub mod listen;
+pub mod lock;
 pub mod ping;
 pub mod platform;
 pub mod protocol;

@@ -26,6 +26,7 @@ pub(super) fn layer(env: impl Fn(&str) -> Option<String>) -> Result<Layer, Optio
         peer: list(env, "FIPAD_PEER", value::peer_address)?,
         control: said(env, "FIPAD_CONTROL").map(PathBuf::from),
         json: one(env, "FIPAD_JSON", value::flag)?,
+        owns: list(env, "FIPAD_OWNS", value::resource)?,
         hiac: list(env, "FIPAD_HIAC", value::hiac_endpoint)?,
         hiac_address: one(env, "FIPAD_HIAC_ADDRESS", value::hiac_workgroup)?,
         hiac_names: None,

@@ -59,6 +59,10 @@ pub(crate) struct Layer {
     /// Print JSON, one object a line
     #[arg(long, num_args = 0, default_missing_value = "true")]
     pub(crate) json: Option<bool>,
+    /// A resource that the daemon owns, and lends to one agent at a time, repeatable; its numbers
+    /// are kept under --state
+    #[arg(long, value_name = "RESOURCE", value_parser = value::resource)]
+    pub(crate) owns: Option<Vec<String>>,
     /// Where HIAC stations are, repeatable: tcp://HOST:PORT[?listen], tls:// with ca=FILE or
     /// cert=FILE&key=FILE, or serial:///dev/...?baud=115200; with address=A or role=employee
     /// behind ? or &
@@ -111,6 +115,7 @@ impl Layer {
             peer: self.peer.or(weaker.peer),
             control: self.control.or(weaker.control),
             json: self.json.or(weaker.json),
+            owns: self.owns.or(weaker.owns),
             hiac: self.hiac.or(weaker.hiac),
             hiac_address: self.hiac_address.or(weaker.hiac_address),
             hiac_names: self.hiac_names.or(weaker.hiac_names),
@@ -142,6 +147,7 @@ impl Layer {
             peer: self.peer.unwrap_or(default.peer),
             control: control.unwrap_or(default.control),
             json: self.json.unwrap_or(default.json),
+            owns: self.owns.unwrap_or(default.owns),
             hiac: self.hiac.unwrap_or(default.hiac),
             hiac_address: self.hiac_address.or(default.hiac_address),
             hiac_names: self.hiac_names.unwrap_or(default.hiac_names),

@@ -39,6 +39,14 @@ pub(crate) fn scope(text: &str) -> Result<String, String> {
     }
 }
 
+/// The name of a resource that agents share.
+pub(crate) fn resource(text: &str) -> Result<String, String> {
+    match text.is_empty() || text.contains(char::is_control) {
+        false => Ok(text.to_owned()),
+        true => Err("a resource has a name of one line".to_owned()),
+    }
+}
+
 /// An endpoint to listen on.
 pub(crate) fn listen_address(text: &str) -> Result<Address, String> {
     match address(text)? {

@@ -164,6 +164,10 @@ fn wrong_options_are_one_line() {
         ),
         (&["--store", "d"], "unexpected argument '--store' found"),
         (
+            &["--owns", "a\nb"],
+            "invalid value 'a b' for '--owns <RESOURCE>': a resource has a name of one line",
+        ),
+        (
             &["--listen"],
             "a value is required for '--listen <URL|HOST:PORT>' but none was supplied",
         ),

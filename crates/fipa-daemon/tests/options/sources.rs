@@ -68,6 +68,7 @@ fn every_option_can_be_given_in_every_source() {
         peer: vec!["tcp://[::1]:1".parse().unwrap(), "b:2".parse().unwrap()],
         control: "/run/x.sock".into(),
         json: true,
+        owns: vec!["gripper".into(), "door".into()],
         hiac: vec![
             "tcp://127.0.0.1:0?listen".parse().unwrap(),
             "serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05"
@@ -93,7 +94,8 @@ fn every_option_can_be_given_in_every_source() {
                  --http robot1:7778 --http-path /mts --advertise tcp://robot1:4100 --scope plant --interface wlan0 \
                  --interface 10.0.0.0/8 --no-mdns --mdns-agents 20 --mdns-port 5454 \
                  --peer [::1]:1 --peer b:2 \
-                 --control /run/x.sock --json --hiac tcp://127.0.0.1:0?listen \
+                 --control /run/x.sock --json \
+                 --owns gripper --owns door --hiac tcp://127.0.0.1:0?listen \
                  --hiac serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05 \
                  --hiac-address 20:C4:D2:00/00:00:00:FF --text udp://127.0.0.1:5000 \
                  --text serial:///dev/ttyUSB0?baud=9600 --log-letters /var/log/letters \
@@ -115,6 +117,7 @@ fn every_option_can_be_given_in_every_source() {
         peer = ["[::1]:1", "tcp://b:2"]
         control = "/run/x.sock"
         json = true
+        owns = ["gripper", "door"]
         hiac = ["tcp://127.0.0.1:0?listen", "serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05"]
         hiac-address = "20:C4:D2:00/00:00:00:FF"
         text = ["udp://127.0.0.1:5000", "serial:///dev/ttyUSB0?baud=9600"]
@@ -137,6 +140,7 @@ fn every_option_can_be_given_in_every_source() {
         ("FIPAD_PEER", " [::1]:1 ,\n b:2,"),
         ("FIPAD_CONTROL", "/run/x.sock"),
         ("FIPAD_JSON", "true"),
+        ("FIPAD_OWNS", "gripper,door"),
         (
             "FIPAD_HIAC",
             "tcp://127.0.0.1:0?listen serial:///dev/ttyS0?baud=9600&address=20:C4:D2:05",
@@ -170,12 +174,13 @@ fn the_limits_of_what_is_stored_have_a_table_of_their_own() {
 #[test]
 fn an_empty_list_or_text_in_the_file_wins_and_an_empty_variable_says_nothing() {
     let given = Given {
-        file: Some("peer = []\nname = ''\ncontrol = ''\nlog-letters = ''"),
+        file: Some("peer = []\nname = ''\ncontrol = ''\nlog-letters = ''\nstate = ''"),
         env: &[
             ("FIPAD_PEER", "a:1"),
             ("FIPAD_NAME", "env"),
             ("FIPAD_CONTROL", "/x"),
             ("FIPAD_LOG_LETTERS", "/y"),
+            ("FIPAD_STATE", "/x"),
         ],
         ..Given::default()
     };
@@ -215,7 +220,7 @@ fn the_default_file_is_the_defaults() {
     let keys: Vec<&str> = keys
         .filter(|line| line.starts_with(|c: char| c.is_alphabetic() || c == '['))
         .collect();
-    assert_eq!(keys.len(), 27);
+    assert_eq!(keys.len(), 28);
     let text = keys.join("\n");
     let given = Given {
         file: Some(&text),

@@ -20,7 +20,7 @@ use crate::owned::Owned;
 use crate::post::Post;
 use crate::request::{Phase, Request};
 use crate::token::Token;
-use crate::{Algorithm, Config, LockView, Output, Record, RequestError, wire};
+use crate::{Algorithm, Config, LockView, Output, Record, RequestError, listing, wire};
 
 /// One agent that requests, holds and owns resources.
 ///
@@ -110,6 +110,22 @@ impl LockAgent {
         algorithm: Algorithm,
         participants: impl IntoIterator<Item = Text>,
     ) -> Result<(), RequestError> {
+        let heartbeat = self.config.heartbeat;
+        self.request_with_heartbeat(now, resource, algorithm, heartbeat, participants)
+    }
+
+    /// The same with a heartbeat of its own, which counts where the owner's is not shorter.
+    ///
+    /// # Errors
+    /// As for [`request`](Self::request).
+    pub fn request_with_heartbeat(
+        &mut self,
+        now: Duration,
+        resource: impl Into<Text>,
+        algorithm: Algorithm,
+        heartbeat: Duration,
+        participants: impl IntoIterator<Item = Text>,
+    ) -> Result<(), RequestError> {
         let resource = self.checked_name(resource.into())?;
         if self.requests.contains_key(&resource) {
             return Err(RequestError::Requested(resource));
@@ -121,7 +137,7 @@ impl LockAgent {
         if participants.len() > self.config.max_participants {
             return Err(RequestError::TooManyParticipants);
         }
-        let request = Request::new(now, algorithm, participants, self.config.heartbeat);
+        let request = Request::new(now, algorithm, participants, heartbeat);
         self.requests.insert(resource.clone(), request);
         if self.owner(&resource).is_some() {
             self.begin(now, &resource);
@@ -159,6 +175,10 @@ impl LockAgent {
             let holding = owned.holding.as_ref();
             let holder = holding.map(|holding| holding.claim.agent.clone());
             let waiting = owned.waiting.keys();
+            let fencing = match holding {
+                Some(holding) => holding.fencing,
+                None => Some(owned.fencing),
+            };
             LockView {
                 resource: resource.clone(),
                 owner: self.config.name.clone(),
@@ -167,21 +187,32 @@ impl LockAgent {
                     .cloned()
                     .collect(),
                 holder,
-                fencing: owned.fencing,
+                fencing,
             }
         })
+    }
+
+    /// Whether a message is one of these protocols, and for [`handle`](Self::handle) alone.
+    pub fn takes(message: &Message) -> bool {
+        let Some(protocol) = message.protocol.as_deref() else {
+            return false;
+        };
+        match protocol {
+            wire::DISCOVER | wire::PROBE => true,
+            // The answers are for whoever has asked.
+            listing::PROTOCOL => message.performative == Performative::QueryRef,
+            protocol => Algorithm::from_protocol(protocol).is_some(),
+        }
     }
 
     /// A message came. Whether it is one of these protocols; one that is malformed is answered by
     /// `not-understood` where it asks for something, and does nothing else.
     pub fn handle(&mut self, now: Duration, message: &Message) -> bool {
-        let Some(protocol) = message.protocol.as_deref() else {
-            return false;
-        };
-        let algorithm = Algorithm::from_protocol(protocol);
-        if algorithm.is_none() && protocol != wire::DISCOVER && protocol != wire::PROBE {
+        if !LockAgent::takes(message) {
             return false;
         }
+        let protocol = message.protocol.as_deref().unwrap_or_default();
+        let algorithm = Algorithm::from_protocol(protocol);
         let Some(sender) = &message.sender else {
             return true;
         };
@@ -195,12 +226,21 @@ impl LockAgent {
             }
             Some(algorithm) => self.handle_ricart_agrawala(now, algorithm, &from, message),
             None if protocol == wire::DISCOVER => self.handle_discovery(now, &from, message),
+            None if protocol == listing::PROTOCOL => self.answer_list_query(&from, message),
             None => self.handle_probe(now, &from, message),
         };
         if understood.is_none() && asks(&message.performative) {
             self.not_understood(&from, message);
         }
         true
+    }
+
+    /// Somebody asks for the resources that are owned here.
+    fn answer_list_query(&mut self, from: &Text, query: &Message) -> Option<()> {
+        let views: Vec<LockView> = self.owned().collect();
+        let answer = listing::answer(query, &views).from_agent(self.config.name.clone());
+        self.post.send(answer, [from.clone()]);
+        Some(())
     }
 
     /// What is to be done next.

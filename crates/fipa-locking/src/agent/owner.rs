@@ -240,7 +240,10 @@ impl LockAgent {
             holding.claim.agent == *agent && (same(&holding.claim) || number)
         });
         if holding.is_some() {
-            owned.waiting.remove(agent);
+            // It may want it once more already.
+            if !owned.claims.iter().any(|claim| claim.agent == *agent) {
+                owned.waiting.remove(agent);
+            }
             self.free(now, resource);
         }
     }

@@ -117,13 +117,13 @@ impl LockAgent {
             return;
         }
         self.probe_due(now, resource);
-        self.repeat_due(now, resource);
         let Some(request) = self.requests.get(resource) else {
             return;
         };
         if self.is_unnumbered(request) && request.since + request.heartbeat <= now {
-            self.hold(now, resource);
+            return self.hold(now, resource);
         }
+        self.repeat_due(now, resource);
     }
 
     /// Does without those that are silent. Whether the owner is not one of them.

@@ -130,6 +130,27 @@ fn never_two_holders_and_everyone_is_told_when_one_dies_and_comes_back() {
 }
 
 #[test]
+fn never_two_holders_and_everyone_is_told_when_a_request_is_given_up_and_made_again() {
+    let budget = Budget {
+        requests: [0, 2, 0],
+        withdrawals: 1,
+        ..Budget::default()
+    };
+    both(Clocks::Together, budget, 100_000);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn two_agents_one_of_which_gives_up_and_asks_again_in_every_order() {
+    let budget = Budget {
+        requests: [0, 2, 1],
+        withdrawals: 1,
+        ..Budget::default()
+    };
+    both(Clocks::Together, budget, 20_000_000);
+}
+
+#[test]
 fn no_number_is_granted_twice_when_clocks_go_as_they_like() {
     let budget = Budget {
         requests: [0, 1, 0],

@@ -40,6 +40,8 @@ pub(crate) struct Budget {
     pub(crate) rejoins: u8,
     pub(crate) losses: u8,
     pub(crate) pauses: u8,
+    /// Requests that are given up before they are answered.
+    pub(crate) withdrawals: u8,
     /// Whether probes take time like other messages; else an agent that lives answers at once.
     pub(crate) slow_probes: bool,
 }
@@ -56,6 +58,8 @@ pub(crate) enum Event {
     },
     Asks(usize),
     GivesBack(usize),
+    /// It does not want it any more, before it has it.
+    GivesUp(usize),
     /// It dies; whether the others are told at once.
     Dies {
         agent: usize,
@@ -155,6 +159,9 @@ impl World {
             if idle && self.budget.requests[agent] > 0 {
                 events.push(Event::Asks(agent));
             }
+            if node.waits && self.budget.withdrawals > 0 {
+                events.push(Event::GivesUp(agent));
+            }
             if node.holds.is_some() {
                 events.push(Event::GivesBack(agent));
             }
@@ -183,6 +190,11 @@ impl World {
             }
             Event::Asks(agent) => self.asks(agent)?,
             Event::GivesBack(agent) => self.gives_back(agent)?,
+            Event::GivesUp(agent) => {
+                self.budget.withdrawals -= 1;
+                self.nodes[agent].waits = false;
+                self.gives_back(agent)?;
+            }
             Event::Dies { agent, told } => self.dies(agent, told)?,
             Event::ComesBack(agent) => self.comes_back(agent)?,
             Event::Pause(agent, span) => {
