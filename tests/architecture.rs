@@ -16,6 +16,7 @@ const MACHINES: &[&str] = &[
     "fipa-mts",
     "fipa-link",
     "fipa-directory",
+    "fipa-fleet",
     "fipa-conversation",
     "fipa-locking",
     "fipa-gateway",

@@ -1,6 +1,8 @@
 //! Agent – daemon – daemon – agent and back beside plain relays between as many processes, and
-//! agents of two platforms in one process beside a plain ping-pong, in one run.
+//! agents of two platforms in one process beside a plain ping-pong, in one run. Between daemons
+//! of a fleet, over TLS, the same once more.
 
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -42,23 +44,32 @@ fn main() -> ExitCode {
 }
 
 async fn between_daemons() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let two = Daemon::start(folder.path(), "robot2", &[]);
-    let one = Daemon::start(folder.path(), "robot1", &[two.endpoint()]);
-    serve(two.control().to_owned());
-    let platform = Platform::attach_to(one.control()).await.expect("robot1");
-    let agent = Arc::new(platform.agent("client@robot1").await.expect("an agent"));
-    wait_for(&platform).await;
+    let (_plain, agent) = pair(Daemon::start).await;
+    let (_secured, secured) = pair(Daemon::start_in_fleet).await;
     let end = Relay::start(&plain::echo_server().to_string());
     let relay = Relay::start(end.address());
     let address = relay.address().parse().expect("an address");
-    compare(
-        ["plain, two relays between", "agent-daemon-daemon-agent"],
-        address,
-        &agent,
-    )
-    .await;
+    let paths = [
+        ("agent-daemon-daemon-agent", &agent),
+        ("the same over TLS", &secured),
+    ];
+    compare("plain, two relays between", address, &paths).await;
 }
+
+/// Two daemons with agents, and the one that asks.
+async fn pair(start: fn(&Path, &str, &[&str]) -> Daemon) -> (Pair, Arc<Agent>) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let two = start(folder.path(), "robot2", &[]);
+    let one = start(folder.path(), "robot1", &[two.endpoint()]);
+    serve(two.control().to_owned());
+    let platform = Platform::attach_to(one.control()).await.expect("robot1");
+    let agent = platform.agent("client@robot1").await.expect("an agent");
+    wait_for(&platform).await;
+    (([one, two], folder, platform), Arc::new(agent))
+}
+
+/// What a pair lives by.
+type Pair = ([Daemon; 2], tempfile::TempDir, Platform);
 
 async fn in_one_process() {
     let two = Platform::builder().name("robot2").mdns(false).start().await;
@@ -70,7 +81,8 @@ async fn in_one_process() {
     tokio::spawn(answer(two));
     wait_for(&one).await;
     let address = plain::echo_here().await;
-    compare(["plain ping-pong", "platform-platform"], address, &agent).await;
+    let paths = [("platform-platform", &agent)];
+    compare("plain ping-pong", address, &paths).await;
 }
 
 async fn wait_for(platform: &Platform) {
@@ -85,26 +97,29 @@ struct Round {
     rate: f64,
 }
 
-async fn compare(paths: [&str; 2], plain: std::net::SocketAddr, agent: &Arc<Agent>) {
+async fn compare(name: &str, plain: std::net::SocketAddr, paths: &[(&str, &Arc<Agent>)]) {
     for octets in CONTENTS {
-        let mut rounds: [Vec<Round>; 2] = [Vec::new(), Vec::new()];
+        let mut plainly: Vec<Round> = Vec::new();
+        let mut rounds: Vec<Vec<Round>> = paths.iter().map(|_| Vec::new()).collect();
         for _ in 0..ROUNDS {
-            rounds[0].push(Round {
+            plainly.push(Round {
                 times: plain::round_trips(plain, octets, COUNT).await,
                 rate: plain::rate(plain, octets, WINDOW.min(16), SPAN).await,
             });
-            rounds[1].push(Round {
-                times: round_trips(agent, octets).await,
-                rate: rate_of(agent, octets).await,
-            });
+            for ((_, agent), rounds) in paths.iter().zip(&mut rounds) {
+                rounds.push(Round {
+                    times: round_trips(agent, octets).await,
+                    rate: rate_of(agent, octets).await,
+                });
+            }
         }
-        let [plain, ours] = &rounds;
-        let pairs = plain.iter().zip(ours);
-        let ratio =
-            pairs.map(|(plain, ours)| ours.times.percentile(0.5) / plain.times.percentile(0.5));
-        let ratio = median(ratio);
-        row(octets, paths[0], plain, 1.0);
-        row(octets, paths[1], ours, ratio);
+        row(octets, name, &plainly, 1.0);
+        for ((path, _), ours) in paths.iter().zip(&rounds) {
+            let pairs = plainly.iter().zip(ours);
+            let ratio =
+                pairs.map(|(plain, ours)| ours.times.percentile(0.5) / plain.times.percentile(0.5));
+            row(octets, path, ours, median(ratio));
+        }
     }
 }
 

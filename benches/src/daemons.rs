@@ -3,6 +3,9 @@
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use fipa_fleet::Folder;
 
 /// Set in processes that are daemons.
 const MARK: &str = "FIPA_BENCH_DAEMON";
@@ -21,13 +24,35 @@ pub fn is_daemon() -> bool {
 }
 
 impl Daemon {
-    /// Starts a daemon without mDNS, which dials these peers.
+    /// Starts a daemon without mDNS, which dials these peers and lets everybody in.
     pub fn start(folder: &Path, name: &str, peers: &[&str]) -> Daemon {
+        Daemon::start_with(folder, name, peers, &["--fleet-mode", "open"])
+    }
+
+    /// Starts a daemon as a robot of the fleet whose key is in this folder; it is made if there is
+    /// none yet.
+    pub fn start_in_fleet(folder: &Path, name: &str, peers: &[&str]) -> Daemon {
+        let now = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .expect("a clock");
+        let operator = Folder::new(folder.join("operator"));
+        if operator.fleet_key().is_err() {
+            operator.init(now).expect("a fleet");
+        }
+        let robot = operator.issue(name, 1, now).expect("a robot");
+        let place = folder.join(format!("{name}.d"));
+        Folder::new(&place).keep(&robot).expect("a folder");
+        let place = place.display().to_string();
+        Daemon::start_with(folder, name, peers, &["--fleet", &place])
+    }
+
+    fn start_with(folder: &Path, name: &str, peers: &[&str], options: &[&str]) -> Daemon {
         let control = folder.join(format!("{name}.sock"));
         let mut command = Command::new(std::env::current_exe().expect("this program"));
         command
             .args(["--json", "--no-mdns", "--name", name, "--control"])
             .arg(&control)
+            .args(options)
             .env(MARK, "1")
             .env("FIPA_LOG", "error")
             .stdout(Stdio::piped());

@@ -7,6 +7,7 @@ mod agents;
 mod attach;
 mod echo;
 mod hiac;
+mod key;
 mod listen;
 mod ping;
 mod protocol;

@@ -187,6 +187,8 @@ pub(crate) fn fipad() -> Command {
         }
     }
     command.env("FIPA_LOG", "error");
+    // The fleet of whoever runs the tests is no matter of theirs.
+    command.env("XDG_CONFIG_HOME", "/nonexistent");
     command
 }
 
@@ -200,6 +202,6 @@ pub(crate) fn fipa(control: &Path, words: &[&str]) -> Command {
 /// A command of the tool that talks to no daemon.
 pub(crate) fn tool(words: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_fipa"));
-    command.args(words);
+    command.args(words).env("XDG_CONFIG_HOME", "/nonexistent");
     command
 }

@@ -6,7 +6,7 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    agents, ams, attach, decode, df, doctor, echo, encode, hiac, listen, lock, ping, platform,
+    agents, ams, attach, decode, df, doctor, echo, encode, hiac, key, listen, lock, ping, platform,
     protocol, send, sniff, text,
 };
 use crate::{Failure, streams};
@@ -47,6 +47,8 @@ pub enum Command {
     Encode(encode::Args),
     /// Read and write what passes on a HIAC link
     Hiac(hiac::Args),
+    /// Make the key of a fleet, and let robots join it
+    Key(key::Args),
     /// Be an agent that prints what it is sent
     Listen(listen::Args),
     /// Run a command while a resource is held
@@ -81,6 +83,7 @@ impl Command {
             Command::Echo(_) => "echo",
             Command::Encode(_) => "encode",
             Command::Hiac(_) => "hiac",
+            Command::Key(_) => "key",
             Command::Listen(_) => "listen",
             Command::Lock(_) | Command::RunWhileHeld(_) => "lock",
             Command::Ping(_) => "ping",
@@ -103,6 +106,7 @@ impl Command {
             Command::Echo(args) => echo::run(args),
             Command::Encode(args) => encode::run(args),
             Command::Hiac(args) => hiac::run(args),
+            Command::Key(args) => key::run(args),
             Command::Listen(args) => listen::run(args),
             Command::Lock(args) => return lock::run(args),
             Command::Ping(args) => ping::run(args),

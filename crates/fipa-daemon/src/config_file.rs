@@ -6,6 +6,7 @@
 mod entry;
 mod outbox;
 mod place;
+mod rules;
 mod suggestion;
 
 use std::fs;
@@ -24,13 +25,17 @@ use suggestion::nearest;
 pub const DEFAULT_CONFIG: &str = include_str!("default_config.toml");
 
 /// The keys, in the order of the options.
-pub(crate) const KEYS: [&str; 20] = [
+pub(crate) const KEYS: [&str; 24] = [
     "name",
     "listen",
     "http",
     "http-path",
     "advertise",
     "scope",
+    "fleet",
+    "fleet-mode",
+    "pinned",
+    "require-fleet",
     "interface",
     "no-mdns",
     "mdns-agents",
@@ -48,7 +53,13 @@ pub(crate) const KEYS: [&str; 20] = [
 ];
 
 /// The tables, which have no option.
-const TABLES: [&str; 4] = ["hiac-devices", "hiac-aliases", "text-agents", "outbox"];
+const TABLES: [&str; 5] = [
+    "hiac-devices",
+    "hiac-aliases",
+    "text-agents",
+    "rules",
+    "outbox",
+];
 
 /// What a file says.
 pub(crate) fn load(file: &Path) -> Result<Layer, OptionsError> {
@@ -128,6 +139,11 @@ fn put(
         "http-path" => layer.http_path = Some(entry.text(value::http_path)?),
         "advertise" => layer.advertise = Some(entry.list(value::peer_address)?),
         "scope" => layer.scope = Some(entry.text(value::scope)?),
+        "fleet" => layer.fleet = Some(entry.text(|path| Ok(PathBuf::from(path)))?),
+        "fleet-mode" => layer.fleet_mode = entry.text(optional(value::fleet_mode))?,
+        "pinned" => layer.pinned = Some(entry.list(value::fingerprint)?),
+        "require-fleet" => layer.require_fleet = Some(entry.flag()?),
+        "rules" => layer.rules = Some(rules::read(&entry)?),
         "interface" => layer.interface = Some(entry.list(value::interface)?),
         "no-mdns" => layer.no_mdns = Some(entry.flag()?),
         "mdns-agents" => layer.mdns_agents = Some(entry.number(value::count)?),

@@ -15,6 +15,7 @@ mod fleet;
 mod hiac;
 mod letter_log;
 mod locks;
+mod membership;
 pub mod options;
 mod run;
 mod text;
@@ -47,9 +48,9 @@ fn daemon(options: &Options) -> ExitCode {
     raise_open_files();
     match block_on(run::run(options)) {
         Ok(Ok(())) => ExitCode::SUCCESS,
-        Ok(Err(RunError::Platform(error @ (Error::Name(_) | Error::Address(_))))) => {
-            fail(2, &error)
-        }
+        Ok(Err(RunError::Platform(
+            error @ (Error::Name(_) | Error::Address(_) | Error::NotCertified { .. }),
+        ))) => fail(2, &error),
         Ok(Err(error)) => fail(3, &error),
         Err(error) => fail(3, &error),
     }

@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use fipa::OutboxConfig;
+use fipa::{Fingerprint, OutboxConfig, Rules};
 use fipa_directory::Address;
 use fipa_dsd::{DEFAULT_AGENTS, InterfaceSelector, MDNS_PORT};
 use fipa_gateway::HiacNames;
@@ -53,6 +53,16 @@ pub struct Options {
     pub advertise: Vec<Address>,
     /// Only daemons of the same scope talk to each other; short enough to be announced.
     pub scope: String,
+    /// The folder of the fleet; without it the usual one, if this machine is in a fleet there.
+    pub fleet: Option<PathBuf>,
+    /// Who is let in; without it, robots of the fleet where there is one, else everybody.
+    pub fleet_mode: Option<FleetMode>,
+    /// The certificates that are let in, where only those are.
+    pub pinned: Vec<Fingerprint>,
+    /// Whether an endpoint beyond loopback needs a fleet.
+    pub require_fleet: bool,
+    /// Who may send to whom, and who may register.
+    pub rules: Rules,
     /// Where mDNS is spoken; empty: decided by the endpoints.
     pub interface: Vec<InterfaceSelector>,
     /// Whether mDNS is left alone altogether.
@@ -100,6 +110,11 @@ impl Default for Options {
             http_path: "/acc".to_owned(),
             advertise: Vec::new(),
             scope: String::new(),
+            fleet: None,
+            fleet_mode: None,
+            pinned: Vec::new(),
+            require_fleet: false,
+            rules: Rules::default(),
             interface: Vec::new(),
             no_mdns: false,
             mdns_agents: DEFAULT_AGENTS,
@@ -119,6 +134,17 @@ impl Default for Options {
             outbox: OutboxConfig::default(),
         }
     }
+}
+
+/// Who is let in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FleetMode {
+    /// Everybody.
+    Open,
+    /// Robots of the fleet.
+    Fleet,
+    /// Those robots of the fleet whose certificates are listed.
+    Pinned,
 }
 
 /// What a command line asks for.
@@ -177,7 +203,18 @@ fn merged(
     let options = line.options.over(file).over(variables).into_options();
     check_hiac(&options).map_err(OptionsError::Usage)?;
     check_text(&options).map_err(OptionsError::Usage)?;
+    check_pinned(&options).map_err(OptionsError::Usage)?;
     Ok(options)
+}
+
+/// Certificates are listed if and only if that is who is let in.
+fn check_pinned(options: &Options) -> Result<(), String> {
+    let mode = options.fleet_mode == Some(FleetMode::Pinned);
+    match (mode, options.pinned.is_empty()) {
+        (true, true) => Err("--fleet-mode pinned needs --pinned, a fingerprint".to_owned()),
+        (false, false) => Err("--pinned needs --fleet-mode pinned".to_owned()),
+        _ => Ok(()),
+    }
 }
 
 /// What only all sources together can get wrong.

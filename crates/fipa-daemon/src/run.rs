@@ -9,6 +9,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use crate::hiac::{BindHiacError, HiacService};
 use crate::letter_log::{LetterLog, OpenLogError};
 use crate::locks::{self, OwnResourceError};
+use crate::membership::{self, MembershipError, Watched};
 use crate::options::Options;
 use crate::text::{BindTextError, TextService};
 
@@ -17,6 +18,8 @@ use crate::text::{BindTextError, TextService};
 pub(crate) enum RunError {
     #[error(transparent)]
     Platform(#[from] Error),
+    #[error(transparent)]
+    Membership(#[from] MembershipError),
     #[error(transparent)]
     Text(#[from] BindTextError),
     #[error(transparent)]
@@ -31,7 +34,8 @@ pub(crate) enum RunError {
 pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
     let mut interrupt = signal(SignalKind::interrupt()).map_err(Error::Runtime)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(Error::Runtime)?;
-    let platform = platform(options).await?;
+    let mut fleet = membership::load(options)?;
+    let platform = platform(options, fleet.as_ref()).await?;
     let log = match &options.log_letters {
         Some(path) => Some(LetterLog::start(&platform, path)?),
         None => None,
@@ -52,6 +56,7 @@ pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
                 hiac.directory_changed(&change);
             }
             Some(notice) = notices.next() => say_notice(options, &notice),
+            () = look(&mut fleet, &platform) => {}
             () = text.run() => {}
             () = hiac.run() => {}
         }
@@ -65,7 +70,15 @@ pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
     Ok(())
 }
 
-async fn platform(options: &Options) -> Result<Platform, Error> {
+/// Looks after the fleet, if there is one.
+async fn look(fleet: &mut Option<Watched>, platform: &Platform) {
+    match fleet {
+        Some(fleet) => fleet.look(platform).await,
+        None => std::future::pending().await,
+    }
+}
+
+async fn platform(options: &Options, fleet: Option<&Watched>) -> Result<Platform, Error> {
     let mut builder = Platform::builder()
         .scope(&options.scope)
         .mdns(!options.no_mdns)
@@ -76,6 +89,10 @@ async fn platform(options: &Options) -> Result<Platform, Error> {
     builder = builder.outbox(options.outbox.clone());
     if let Some(directory) = &options.state {
         builder = builder.state(directory);
+    }
+    builder = builder.rules(options.rules.clone());
+    if let Some(fleet) = fleet {
+        builder = builder.fleet(fleet.membership());
     }
     if let Some(name) = &options.name {
         builder = builder.name(name);
@@ -135,8 +152,8 @@ fn say_conflict(options: &Options, platform: &Platform, change: &Change) {
     }
 }
 
-/// What somebody has to mend: another daemon bears our name, or C++ robots cannot be told of an
-/// agent.
+/// What somebody has to look at: another daemon bears our name, C++ robots cannot be told of an
+/// agent, or somebody is not let in.
 fn say_notice(options: &Options, notice: &Notice) {
     let event = match notice {
         Notice::Conflict { name, other } => {
@@ -146,6 +163,10 @@ fn say_notice(options: &Options, notice: &Notice) {
         Notice::NotAnnounced { name, reason } => {
             tracing::warn!("{notice}");
             json!({"event": "not-announced", "name": name.as_str(), "reason": reason.as_str()})
+        }
+        Notice::Refused { who, reason } => {
+            tracing::warn!("{notice}");
+            json!({"event": "refused", "who": who.as_str(), "reason": reason.as_str()})
         }
         _ => return,
     };

@@ -2,7 +2,7 @@ use bytes::{BufMut, Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Source, State};
 
-use crate::wire::{FrameError, Reader, put_list, put_text};
+use crate::wire::{FrameError, Reader, put_list, put_octets, put_text};
 use crate::{
     AskCallBack, CalledBack, Facts, Hello, KnownPlatform, Parts, ReceiverOutcome, Sniffed,
 };
@@ -58,6 +58,8 @@ pub enum Frame {
     Goodbye(Text),
     /// Platforms that the speaker has open links with: what is new since it told last.
     Platforms(Vec<KnownPlatform>),
+    /// What is revoked in the fleet: a list that the fleet key has signed, as it is (X.509 CRL, DER).
+    Revoked(Bytes),
     /// A program asks what there is to know for somebody who looks for a fault.
     AskFacts,
     /// The answer to that.
@@ -197,6 +199,7 @@ impl Frame {
             10 => Frame::Pong(r.u64()?),
             11 => Frame::Goodbye(r.text()?),
             12 => Frame::Platforms(r.list(KnownPlatform::read)?),
+            13 => Frame::Revoked(r.octets()?),
             20 => Frame::AskFacts,
             21 => Frame::Facts(Facts::read(r)?),
             22 => Frame::Sniff(r.u8()? != 0),
@@ -221,6 +224,7 @@ impl Frame {
             Frame::Pong(_) => 10,
             Frame::Goodbye(_) => 11,
             Frame::Platforms(_) => 12,
+            Frame::Revoked(_) => 13,
             Frame::AskFacts => 20,
             Frame::Facts(_) => 21,
             Frame::Sniff(_) => 22,
@@ -266,6 +270,7 @@ impl Frame {
             Frame::Directory(directory) => directory.put(out),
             Frame::Ping(nonce) | Frame::Pong(nonce) => out.put_u64(nonce),
             Frame::Goodbye(reason) => put_text(out, &reason),
+            Frame::Revoked(list) => put_octets(out, &list),
             Frame::Platforms(platforms) => put_list(out, &platforms, KnownPlatform::put),
             Frame::Facts(facts) => facts.put(out),
             Frame::Sniff(on) => out.put_u8(u8::from(on)),
@@ -291,6 +296,7 @@ fn name_of(kind: u8) -> &'static str {
         10 => "pong",
         11 => "goodbye",
         12 => "platforms",
+        13 => "revoked",
         21 => "facts",
         22 => "sniff",
         Frame::SNIFFED => "sniffed",

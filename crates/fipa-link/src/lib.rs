@@ -9,6 +9,7 @@
 //!   attach, detach ─▶ ◀─ answer      a program's agents
 //!   directory ─▶           snapshot, then changes; numbered by their owner
 //!   platforms ─▶           who else has an open link with the speaker, and where to dial
+//!   revoked ─▶             what the fleet has revoked
 //!   ask ─▶ ◀─ facts        what a person who looks for a fault wants to know
 //!   sniff ─▶ ◀─ sniffed   a program watches what passes; on the control socket only
 //!   ask ─▶ ◀─ called back  whether the other side reaches the speaker

@@ -112,6 +112,20 @@ pub enum LinkError {
 impl Link {
     /// A link over a stream that was just connected; preamble and hello wait to be written.
     pub fn new(config: LinkConfig, now: Now) -> Link {
+        let mut link = Link::silent(config, now);
+        link.send(now, Frame::Hello(link.config.hello.clone()));
+        link
+    }
+
+    /// The end of a link that is not wanted: preamble and goodbye wait to be written, and nothing of
+    /// the hello.
+    pub fn refusal(config: LinkConfig, now: Now, reason: impl Into<Text>) -> Link {
+        let mut link = Link::silent(config, now);
+        link.goodbye(now, reason);
+        link
+    }
+
+    fn silent(config: LinkConfig, now: Now) -> Link {
         let mut link = Link {
             stage: Stage::Preamble,
             out: Outgoing::default(),
@@ -125,7 +139,6 @@ impl Link {
             config,
         };
         link.out.push_octets(&PREAMBLE);
-        link.send(now, Frame::Hello(link.config.hello.clone()));
         link
     }
 

@@ -111,6 +111,12 @@ impl Reader {
         Ok(Reader::new(self.take(octets)?, self.frame))
     }
 
+    /// Octets behind their number.
+    pub(crate) fn octets(&mut self) -> Result<Bytes, FrameError> {
+        let octets = self.u32()? as usize;
+        self.take(octets)
+    }
+
     pub(crate) fn rest(self) -> Bytes {
         self.body
     }
@@ -119,6 +125,11 @@ impl Reader {
 pub(crate) fn put_text(out: &mut BytesMut, text: &str) {
     out.put_u32(length(text.len()));
     out.put_slice(text.as_bytes());
+}
+
+pub(crate) fn put_octets(out: &mut BytesMut, octets: &[u8]) {
+    out.put_u32(length(octets.len()));
+    out.put_slice(octets);
 }
 
 pub(crate) fn put_list<T>(out: &mut BytesMut, items: &[T], put: impl Fn(&mut BytesMut, &T)) {

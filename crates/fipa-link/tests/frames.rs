@@ -239,6 +239,7 @@ fn frame() -> impl Strategy<Value = Frame> {
         ),
         text().prop_map(Frame::Goodbye),
         prop::collection::vec(platform(), 0..5).prop_map(Frame::Platforms),
+        prop::collection::vec(any::<u8>(), 0..50).prop_map(|list| Frame::Revoked(list.into())),
         Just(Frame::AskFacts),
         facts().prop_map(Frame::Facts),
         any::<bool>().prop_map(Frame::Sniff),

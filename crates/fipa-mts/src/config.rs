@@ -4,7 +4,7 @@ use fipa_acl::Text;
 use fipa_codec::Limits;
 use fipa_directory::{Address, InstanceId};
 
-use crate::OutboxConfig;
+use crate::{OutboxConfig, Rules};
 
 /// What a message transport service is made with.
 #[derive(Clone, Debug)]
@@ -15,6 +15,11 @@ pub struct Config {
     pub name: Text,
     /// The fleet; links to other fleets are refused.
     pub scope: Text,
+    /// The robots of the fleet that are known from the beginning, where there is a fleet key: then
+    /// links are only with robots that prove their names.
+    pub fleet: Option<Vec<Text>>,
+    /// Who may send to whom, and who may register.
+    pub rules: Rules,
     /// Where others reach it, as they are told.
     pub endpoints: Vec<Address>,
     /// The UDP port at which mDNS is spoken for it, if it is; for people who look for a fault.
@@ -55,6 +60,8 @@ impl Config {
             instance,
             name: name.into(),
             scope: Text::default(),
+            fleet: None,
+            rules: Rules::default(),
             endpoints: Vec::new(),
             mdns_port: None,
             http: Vec::new(),

@@ -31,6 +31,7 @@ mod mts;
 mod outbox;
 mod pieces;
 mod program;
+mod rules;
 mod urgency;
 
 pub use config::{Config, ProgramConfig};
@@ -43,4 +44,5 @@ pub use mailbox::{Mailbox, MailboxFull};
 pub use mts::Mts;
 pub use outbox::{OutboxConfig, StoredLetter};
 pub use program::Program;
+pub use rules::{Action, NamePattern, Network, NetworkError, Rule, Rules};
 pub use urgency::Urgency;

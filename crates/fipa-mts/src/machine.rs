@@ -33,6 +33,8 @@ pub struct Connected {
     pub same_host: bool,
     /// Where the partner's end is, for people.
     pub remote: Text,
+    /// The robot whose certificate the partner has shown.
+    pub identity: Option<Text>,
 }
 
 /// How a stream ended, and how far the writing had got.
@@ -233,6 +235,8 @@ pub enum Output {
         dial: DialId,
         /// Where to.
         addresses: Vec<Address>,
+        /// Whether it is to be a link, which a robot of a fleet secures.
+        link: bool,
     },
     /// Octets wait to be written to this connection.
     Transmit(ConnId),
@@ -304,6 +308,9 @@ pub enum Output {
         /// The answer.
         called: CalledBack,
     },
+    /// A robot of the fleet tells what is revoked; whether that is so, the fleet key's signature
+    /// says, which is for others to check. What is news is handed back by [`Machine::revoked`].
+    Revoked(Bytes),
 }
 
 /// Something that a person who looks for a fault wants to know.
@@ -342,6 +349,13 @@ pub enum Notice {
     LinkFailed {
         /// With whom.
         with: Text,
+        /// Why.
+        reason: Text,
+    },
+    /// Somebody, or something that somebody said, is not let in.
+    Refused {
+        /// Who.
+        who: Text,
         /// Why.
         reason: Text,
     },
@@ -404,6 +418,7 @@ impl fmt::Display for Notice {
                 write!(f, "another daemon bears the name {name} too, at {other}")
             }
             Notice::LinkFailed { with, reason } => write!(f, "no link with {with}: {reason}"),
+            Notice::Refused { who, reason } => write!(f, "refused {who}: {reason}"),
             Notice::LetterLost {
                 from,
                 octets,
@@ -484,6 +499,8 @@ pub trait Machine {
     fn sniff(&mut self, now: Now, on: bool);
     /// The name of the message transport service; empty while a program has not met its daemon.
     fn service_name(&self) -> Text;
+    /// What is revoked in the fleet: passed on to the other robots.
+    fn revoked(&mut self, _now: Now, _list: Bytes) {}
     /// Says goodbye on every link; the connections close once that is written.
     fn shutdown(&mut self, now: Now);
 }

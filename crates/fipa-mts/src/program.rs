@@ -154,7 +154,11 @@ impl Program {
     fn dial(&mut self) {
         let dial = DialId(self.id());
         let addresses = vec![self.config.control.clone()];
-        self.outputs.push_back(Output::Dial { dial, addresses });
+        self.outputs.push_back(Output::Dial {
+            dial,
+            addresses,
+            link: false,
+        });
     }
 
     fn send(&mut self, now: Now, frame: Frame) {

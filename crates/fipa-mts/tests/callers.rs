@@ -340,6 +340,7 @@ fn nothing_is_written_to_a_caller_before_it_speaks_our_link() {
         control: false,
         same_host: false,
         remote: Text::from("tcp://10.0.0.7:50000"),
+        identity: None,
     };
     mts.connected(now, connected.clone());
     let mut octets = BytesMut::from(&letter(&["b"], None, "hi")[..]);

@@ -203,7 +203,10 @@ fn platform(n: u16, scope: &str) -> KnownPlatform {
 fn dialled(raw: &mut Raw) -> Vec<u16> {
     let mut ports = Vec::new();
     for output in std::mem::take(&mut raw.outputs) {
-        if let Output::Dial { dial, addresses } = output {
+        if let Output::Dial {
+            dial, addresses, ..
+        } = output
+        {
             ports.extend(addresses.iter().map(|address| match address {
                 Address::Tcp { port, .. } => *port,
                 other => panic!("{other}"),
@@ -241,6 +244,7 @@ impl Second {
             control: false,
             same_host: true,
             remote: Text::from("tcp://second:1"),
+            identity: None,
         };
         raw.mts.connected(raw.now, connected);
         let mut second = Second {

@@ -288,7 +288,9 @@ fn after_the_last_octet(ended: Ended<'_>) -> (Outcome, String, bool) {
     let mut done = false;
     while let Some(output) = mts.poll_output() {
         match output {
-            Output::Dial { dial, addresses } => {
+            Output::Dial {
+                dial, addresses, ..
+            } => {
                 dials.push(addresses.clone());
                 let conn = ConnId(dials.len() as u64);
                 let connected = Connected {
@@ -297,6 +299,7 @@ fn after_the_last_octet(ended: Ended<'_>) -> (Outcome, String, bool) {
                     control: false,
                     same_host: false,
                     remote: Text::default(),
+                    identity: None,
                 };
                 mts.connected(now, connected);
             }

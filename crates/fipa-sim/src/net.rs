@@ -168,6 +168,7 @@ impl Sim {
             control,
             same_host,
             remote: Text::from(format!("tcp://node-{}:40000", other.0)),
+            identity: None,
         };
         self.with(node, |machine, now| machine.connected(now, connected));
         self.arrive(stream, side);

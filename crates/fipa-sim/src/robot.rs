@@ -208,7 +208,11 @@ impl Sim {
         writing.next_dial += 1;
         let (dial, addresses) = (DialId(writing.next_dial), vec![to]);
         writing.dials.insert(dial, (octets, then));
-        writing.outputs.push_back(Output::Dial { dial, addresses });
+        writing.outputs.push_back(Output::Dial {
+            dial,
+            addresses,
+            link: true,
+        });
         self.settle(robot);
     }
 

@@ -213,7 +213,9 @@ impl Sim {
         let at = self.now.mono;
         let run = self.nodes[node.0].run;
         match output {
-            Output::Dial { dial, addresses } => self.dial(node, dial, addresses),
+            Output::Dial {
+                dial, addresses, ..
+            } => self.dial(node, dial, addresses),
             Output::Transmit(conn) => self.pump(node, conn),
             Output::Close(conn) => self.close(node, conn, Wish::Close),
             Output::Finish(conn) => self.close(node, conn, Wish::Finish),

@@ -1,3 +1,4 @@
+use std::future::Future;
 use std::io;
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -40,17 +41,38 @@ fn describe(failures: &[(Address, io::Error)]) -> String {
 /// Opens a stream to the first of the addresses that answers. They are tried in their order, each
 /// a quarter of a second after the one before, or as soon as that one fails.
 pub async fn dial(addresses: &[Address]) -> Result<(Stream, Address), DialError> {
+    first_of(addresses, |address| async move { connect(&address).await }).await
+}
+
+/// The same for a stream that is secured: an address at which no robot of the fleet answers counts
+/// as one that was not reached.
+#[cfg(feature = "tls")]
+pub async fn dial_secured(
+    addresses: &[Address],
+    tls: &crate::Tls,
+) -> Result<(Stream, Address), DialError> {
+    first_of(addresses, |address| {
+        let tls = tls.clone();
+        async move { tls.connect(connect(&address).await?).await }
+    })
+    .await
+}
+
+async fn first_of<C>(
+    addresses: &[Address],
+    connect: impl Fn(Address) -> C,
+) -> Result<(Stream, Address), DialError>
+where
+    C: Future<Output = io::Result<Stream>> + Send + 'static,
+{
     let mut attempts = JoinSet::new();
     let mut failures = Vec::new();
     let mut rest = addresses.iter();
     loop {
         match rest.next() {
             Some(address) => {
-                let address = address.clone();
-                attempts.spawn(async move {
-                    let result = connect(&address).await;
-                    (address, result)
-                });
+                let (address, connected) = (address.clone(), connect(address.clone()));
+                attempts.spawn(async move { (address, connected.await) });
             }
             None if attempts.is_empty() => return Err(DialError(failures)),
             None => {}

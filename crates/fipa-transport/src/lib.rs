@@ -3,6 +3,9 @@
 //! **Knows** how to listen, how to reach the first of several addresses, and how to move octets
 //! with few system calls. **Never knows** what the octets mean: a [`Driver`] takes what was read
 //! and gives what is to be written.
+//!
+//! With the feature `tls`, TCP streams between robots of a fleet are secured: each shows its
+//! certificate, and a [`Stream`] says by [`identity`](Stream::identity) whose it is.
 
 mod buffers;
 mod dial;
@@ -13,11 +16,17 @@ mod listen;
 mod pump;
 mod stream;
 mod tcp;
+#[cfg(feature = "tls")]
+mod tls;
 mod unix;
 
 pub use buffers::Buffers;
+#[cfg(feature = "tls")]
+pub use dial::dial_secured;
 pub use dial::{DialError, dial};
 pub use handle::Handle;
 pub use listen::{BindError, Listener};
 pub use pump::{Driver, End, pump};
 pub use stream::Stream;
+#[cfg(feature = "tls")]
+pub use tls::{FirstOctet, KeyError, Tls};

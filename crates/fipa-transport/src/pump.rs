@@ -232,7 +232,7 @@ enum Sent {
 
 impl Outgoing {
     /// Writes as much as the socket takes of what the driver gives at once.
-    fn send(&mut self, stream: &Stream, driver: &impl Driver) -> io::Result<Sent> {
+    fn send(&mut self, stream: &mut Stream, driver: &impl Driver) -> io::Result<Sent> {
         let more = driver.transmit(&mut self.parts);
         self.all_written = false;
         let blocked = write(stream, &mut self.parts)?;
@@ -246,7 +246,7 @@ impl Outgoing {
 }
 
 /// Whether the socket takes no more for now.
-fn write(stream: &Stream, output: &mut VecDeque<Bytes>) -> io::Result<bool> {
+fn write(stream: &mut Stream, output: &mut VecDeque<Bytes>) -> io::Result<bool> {
     while !output.is_empty() {
         let mut parts = [IoSlice::new(&[]); PARTS];
         let mut count = 0;
@@ -263,7 +263,7 @@ fn write(stream: &Stream, output: &mut VecDeque<Bytes>) -> io::Result<bool> {
     if output.capacity() > IDLE_PARTS {
         *output = VecDeque::new();
     }
-    Ok(false)
+    stream.flush()
 }
 
 fn advance(output: &mut VecDeque<Bytes>, mut written: usize) {

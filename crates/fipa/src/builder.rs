@@ -6,9 +6,13 @@ use std::sync::Arc;
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId};
 use fipa_dsd::{DEFAULT_AGENTS, InterfaceSelector, MDNS_PORT, MdnsConfig};
-use fipa_mts::{Config, Mts, OutboxConfig};
+#[cfg(feature = "tls")]
+use fipa_fleet::Membership;
+use fipa_mts::{Config, Mts, OutboxConfig, Rules};
 use fipa_outbox::Opened;
 use fipa_transport::Listener;
+#[cfg(feature = "tls")]
+use fipa_transport::Tls;
 use fipa_transport::http::HttpServer;
 
 use crate::addresses::{self, reached_at, socket_address};
@@ -19,6 +23,7 @@ use crate::http;
 use crate::management;
 use crate::names::{self, NameLock};
 use crate::node::{Hub, Node};
+use crate::security::Security;
 use crate::{Error, Platform};
 
 /// A platform in this process, being described.
@@ -41,6 +46,9 @@ pub struct PlatformBuilder {
     state: Option<PathBuf>,
     outbox: OutboxConfig,
     http: Option<(String, String)>,
+    rules: Rules,
+    #[cfg(feature = "tls")]
+    fleet: Option<Arc<Membership>>,
 }
 
 /// Octets of the largest letter, unless told otherwise.
@@ -63,6 +71,9 @@ impl PlatformBuilder {
             state: None,
             outbox: OutboxConfig::default(),
             http: None,
+            rules: Rules::default(),
+            #[cfg(feature = "tls")]
+            fleet: None,
         }
     }
 
@@ -175,8 +186,25 @@ impl PlatformBuilder {
         self
     }
 
+    /// Who may send to whom, and who may register. Default: everybody may.
+    #[must_use]
+    pub fn rules(mut self, rules: Rules) -> PlatformBuilder {
+        self.rules = rules;
+        self
+    }
+
+    /// The membership in a fleet: links are then only with robots that prove to be of it, and the
+    /// platform bears the name of its certificate. Without a fleet everybody is let in.
+    #[cfg(feature = "tls")]
+    #[must_use]
+    pub fn fleet(mut self, membership: impl Into<Arc<Membership>>) -> PlatformBuilder {
+        self.fleet = Some(membership.into());
+        self
+    }
+
     /// Binds, announces, and begins to dial. To be called within a tokio runtime.
-    pub async fn start(self) -> Result<Platform, Error> {
+    pub async fn start(mut self) -> Result<Platform, Error> {
+        let security = self.security()?;
         let mut octets = [0; 16];
         getrandom::fill(&mut octets).map_err(|error| Error::Random(error.to_string()))?;
         let instance = InstanceId::from_bytes(octets);
@@ -191,6 +219,8 @@ impl PlatformBuilder {
         let mut config = Config::new(instance, name);
         config.scope = Text::from(self.scope.as_str());
         config.endpoints = endpoints;
+        config.rules = std::mem::take(&mut self.rules);
+        config.fleet = self.robots();
         config.mdns_port = discovery.is_some().then_some(self.mdns_port);
         config.http = self.urls(http.as_ref().map(|(_, url)| url))?;
         if let Some(max) = self.max_letter {
@@ -199,10 +229,12 @@ impl PlatformBuilder {
         }
         config.outbox = outbox.is_some().then(|| self.outbox.clone());
         let clock = Clock::start();
-        let node = Node::start(clock, Mts::new(config), Hub::default());
+        let node = Node::start(clock, Mts::new(config), Hub::default(), security);
         if let Some(outbox) = outbox {
             start_outbox(&node, outbox)?;
         }
+        #[cfg(feature = "tls")]
+        node.check_fleet();
         let mut tasks = Vec::new();
         for listener in listeners {
             tasks.push(tokio::spawn(node.clone().accept_from(listener, false)));
@@ -234,6 +266,38 @@ impl PlatformBuilder {
         let discovery = discovery.map(|found| discovery::run(&node, found, lock));
         let backend = Backend::Service(node);
         Ok(Platform::new(backend, clock, tasks, discovery))
+    }
+
+    /// By what others are let in. The name becomes that of the certificate.
+    #[cfg(feature = "tls")]
+    fn security(&mut self) -> Result<Security, Error> {
+        let Some(fleet) = &self.fleet else {
+            return Ok(Security::default());
+        };
+        let certified = fleet.name().to_owned();
+        if let Some(name) = self.name.replace(certified.clone())
+            && name != certified
+        {
+            return Err(Error::NotCertified { name, certified });
+        }
+        let tls = Tls::new(Arc::clone(fleet)).map_err(|error| Error::Key(error.to_string()))?;
+        Ok(Security::of(tls))
+    }
+
+    #[cfg(not(feature = "tls"))]
+    fn security(&mut self) -> Result<Security, Error> {
+        Ok(Security::default())
+    }
+
+    /// The robots that are known to be in the fleet, where there is one.
+    fn robots(&self) -> Option<Vec<Text>> {
+        #[cfg(feature = "tls")]
+        return self
+            .fleet
+            .as_ref()
+            .map(|fleet| fleet.robots().map(Text::from).collect());
+        #[cfg(not(feature = "tls"))]
+        return None;
     }
 
     async fn bind(&self) -> Result<Vec<Listener>, Error> {

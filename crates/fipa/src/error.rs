@@ -53,6 +53,17 @@ pub enum Error {
     /// No thread could be started.
     #[error("no runtime: {0}")]
     Runtime(std::io::Error),
+    /// The platform is to bear a name that is not that of its certificate.
+    #[error("the certificate of the fleet is for {certified}, and the platform is to be {name}")]
+    NotCertified {
+        /// The name that was given.
+        name: String,
+        /// The name of the certificate.
+        certified: String,
+    },
+    /// The key of the robot cannot be used.
+    #[error("{0}")]
+    Key(String),
     /// The machine gives no random numbers.
     #[error("no random numbers: {0}")]
     Random(String),

@@ -7,11 +7,12 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId};
-use fipa_link::{Event, Hello, Link, LinkConfig, LinkError, Role};
+use fipa_link::{Event, Frame, Hello, Link, LinkConfig, Role};
 use fipa_transport::{Buffers, Driver, End, Handle};
 use tokio::sync::oneshot;
 
 use crate::clock::Clock;
+use crate::security::Security;
 
 /// How long whoever accepted the connection may take for the greeting.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -60,7 +61,25 @@ pub enum GreetError {
 /// Opens a connection to the first of these addresses that answers, and ends it when the platform
 /// there has said who it is. It takes 6 s at most an address.
 pub async fn greet(addresses: &[Address]) -> Result<Greeting, GreetError> {
-    let dialled = fipa_transport::dial(addresses).await;
+    greet_by(addresses, Security::default()).await
+}
+
+/// The same as a robot of a fleet, whose platforms talk to nobody else.
+#[cfg(feature = "tls")]
+pub async fn greet_in_fleet(
+    addresses: &[Address],
+    membership: &Arc<fipa_fleet::Membership>,
+) -> Result<Greeting, GreetError> {
+    let tls = fipa_transport::Tls::new(Arc::clone(membership));
+    let tls = tls.map_err(|error| GreetError::Strange(error.to_string()))?;
+    greet_by(addresses, Security::of(tls)).await
+}
+
+pub(crate) async fn greet_by(
+    addresses: &[Address],
+    security: Security,
+) -> Result<Greeting, GreetError> {
+    let dialled = security.dial(addresses, true).await;
     let (stream, address) = dialled.map_err(|error| match error.is_refused() {
         true => GreetError::Refused(error.to_string()),
         false => GreetError::Unreachable(error.to_string()),
@@ -90,7 +109,7 @@ pub async fn greet(addresses: &[Address]) -> Result<Greeting, GreetError> {
     let Ok(Ok(answered)) = answered else {
         return Err(GreetError::Mute);
     };
-    let hello = answered.map_err(|error| GreetError::Strange(error.to_string()))?;
+    let hello = answered.map_err(GreetError::Strange)?;
     Ok(Greeting {
         address,
         instance: hello.instance,
@@ -101,7 +120,7 @@ pub async fn greet(addresses: &[Address]) -> Result<Greeting, GreetError> {
     })
 }
 
-type Answer = oneshot::Sender<Result<Hello, LinkError>>;
+type Answer = oneshot::Sender<Result<Hello, String>>;
 
 struct Greeter {
     clock: Clock,
@@ -114,8 +133,9 @@ impl Driver for Greeter {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let answer = match state.0.receive(self.clock.now(), octets) {
             Ok(Some(Event::Opened(hello))) => Ok(hello),
+            Ok(Some(Event::Frame(Frame::Goodbye(reason)))) => Err(format!("it refused: {reason}")),
             Ok(_) => return,
-            Err(error) => Err(error),
+            Err(error) => Err(error.to_string()),
         };
         if let Some(waiting) = state.1.take() {
             // Whoever has given up does not want to know any more.

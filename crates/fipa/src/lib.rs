@@ -8,6 +8,8 @@
 //!     └── outcome ────┘  └────── receipt ◀──────┘
 //! ```
 //!
+//! With the feature `tls` a platform can be a robot of a fleet, which lets in nobody else.
+//!
 //! A [`Platform`] is where agents live: one in this process, or the daemon of this machine. An
 //! [`Agent`] sends, receives and asks. Control loops that do not know async use [`blocking`].
 //!
@@ -52,6 +54,7 @@ mod names;
 mod node;
 mod platform;
 mod room;
+mod security;
 mod sending;
 mod sniffer;
 
@@ -67,7 +70,7 @@ pub use fipa_acl::{
     AgentId, Envelope, Expression, FipaTime, Letter, Message, Performative, Representation, Text,
     UserDefined,
 };
-pub use fipa_conversation::{Event, EventKind, Expected, Rule, Violation};
+pub use fipa_conversation::{Event, EventKind, Expected, Rule as ConversationRule, Violation};
 pub use fipa_directory::{
     Address, Change, ChangeKind, Entry, Field, InstanceId, Location, Now, Pattern, PatternError,
     Record, Source, State,
@@ -75,13 +78,22 @@ pub use fipa_directory::{
 pub use fipa_dsd::{
     HeardDaemon, InterfaceProbe, InterfaceSelector, MDNS_PORT, Multicast, probe as probe_mdns,
 };
+#[cfg(feature = "tls")]
+pub use fipa_fleet::{
+    Fingerprint, FleetError, Folder, Membership, ParseFingerprintError, default_folder,
+};
 pub use fipa_link::{
     CallBack, CallBackResult, CalledBack, Facts, Inside, Outcome, Parts, Passed, PeerFacts,
     ReceiverOutcome, Sniffed,
 };
-pub use fipa_mts::{DeliveryFailure, Notice, OutboxConfig, RegisterError, Registration};
+pub use fipa_mts::{
+    Action, DeliveryFailure, NamePattern, Network, NetworkError, Notice, OutboxConfig,
+    RegisterError, Registration, Rule, Rules,
+};
 pub use fipa_outbox::OpenError as OutboxError;
 pub use fipa_protocol::{Library, Outcome as ConversationOutcome};
+#[cfg(feature = "tls")]
+pub use greet::greet_in_fleet;
 pub use greet::{GreetError, Greeting, greet};
 pub use platform::{Changes, Notices, Platform};
 pub use sending::Sending;

@@ -19,17 +19,20 @@ use fipa_transport::{Buffers, Driver, End, Handle, Listener, Stream};
 use tokio::sync::{Notify, mpsc, oneshot};
 use tokio::task::JoinSet;
 
+use crate::GreetError;
 use crate::clock::Clock;
 use crate::conversations::Talk;
+use crate::greet::greet_by;
 use crate::http;
 use crate::room::Place;
+use crate::security::Security;
 use crate::sniffer::Tap;
-use crate::{GreetError, greet};
 
 /// A machine with what runs it.
 pub(crate) struct Node<M> {
     state: Mutex<State<M>>,
     clock: Clock,
+    security: Security,
     buffers: Arc<Buffers>,
     runtime: tokio::runtime::Handle,
     timer: Arc<Notify>,
@@ -43,6 +46,8 @@ pub(crate) type Questions = Mutex<HashMap<Expression, oneshot::Sender<Message>>>
 struct State<M> {
     machine: M,
     handles: HashMap<ConnId, Arc<Handle>>,
+    /// The certificates that were shown on connections which are open.
+    certificates: HashMap<ConnId, Vec<u8>>,
     next_conn: u64,
     /// When the timer task is going to call.
     scheduled: Option<Duration>,
@@ -195,18 +200,20 @@ impl Hub {
 impl<M: Machine + Send + 'static> Node<M> {
     /// Starts to run a machine on the runtime that this is called in. Whoever waits in the hub
     /// already misses nothing.
-    pub(crate) fn start(clock: Clock, machine: M, hub: Hub) -> Arc<Node<M>> {
+    pub(crate) fn start(clock: Clock, machine: M, hub: Hub, security: Security) -> Arc<Node<M>> {
         let timer = Arc::new(Notify::new());
         let node = Arc::new(Node {
             state: Mutex::new(State {
                 machine,
                 handles: HashMap::new(),
+                certificates: HashMap::new(),
                 next_conn: 0,
                 scheduled: None,
                 hub,
                 store: None,
             }),
             clock,
+            security,
             buffers: Arc::default(),
             runtime: tokio::runtime::Handle::current(),
             timer: Arc::clone(&timer),
@@ -255,7 +262,12 @@ impl<M: Machine + Send + 'static> Node<M> {
     pub(crate) async fn accept_from(self: Arc<Self>, listener: Listener, control: bool) {
         loop {
             match listener.accept().await {
-                Ok(stream) => self.accepted(stream, control),
+                Ok(stream) if control || !self.security.is_on() => {
+                    self.accepted(stream, control);
+                }
+                Ok(stream) => {
+                    tokio::spawn(Arc::clone(&self).greet(stream));
+                }
                 Err(error) => {
                     // Out of file descriptors, or a connection that ended before it was taken:
                     // neither gets better by trying again at once.
@@ -263,6 +275,20 @@ impl<M: Machine + Send + 'static> Node<M> {
                     tokio::time::sleep(Duration::from_millis(100)).await;
                 }
             }
+        }
+    }
+
+    /// Lets a caller show who it is.
+    async fn greet(self: Arc<Self>, stream: Stream) {
+        let remote = stream.remote();
+        match self.security.accept(stream).await {
+            Ok(Some(stream)) => self.accepted(stream, false),
+            Ok(None) => {}
+            Err(reason) if reason.is_empty() => tracing::debug!("refused {remote} again"),
+            Err(reason) => self.with(|_, _, hub| {
+                let (who, reason) = (Text::from(remote), Text::from(reason));
+                hub.tell(&Notice::Refused { who, reason });
+            }),
         }
     }
 
@@ -290,7 +316,11 @@ impl<M: Machine + Send + 'static> Node<M> {
             control,
             same_host: stream.same_host(),
             remote: Text::from(stream.remote()),
+            identity: stream.identity().map(Text::from),
         };
+        if let Some(certificate) = stream.certificate() {
+            state.certificates.insert(conn, certificate.to_vec());
+        }
         state.machine.connected(self.clock.now(), connected);
         self.act(state, Some(conn));
         let driver = Connection {
@@ -302,8 +332,8 @@ impl<M: Machine + Send + 'static> Node<M> {
             .spawn(fipa_transport::pump(stream, handle, buffers, driver));
     }
 
-    async fn dial(self: Arc<Self>, dial: DialId, addresses: Vec<Address>) {
-        match fipa_transport::dial(&addresses).await {
+    async fn dial(self: Arc<Self>, dial: DialId, addresses: Vec<Address>, link: bool) {
+        match self.security.dial(&addresses, link).await {
             Ok((stream, address)) => self.open(stream, Some((dial, address)), false),
             Err(error) => {
                 let reason = error.to_string();
@@ -321,7 +351,7 @@ impl<M: Machine + Send + 'static> Node<M> {
     async fn call_back(self: Arc<Self>, call: u64, whom: InstanceId, addresses: Vec<Address>) {
         let calls: JoinSet<CallBack> = addresses
             .into_iter()
-            .map(|address| call_at(address, whom))
+            .map(|address| call_at(address, whom, self.security.clone()))
             .collect();
         let calls = calls.join_all().await;
         self.with(|now, machine, _| machine.called_back(now, call, calls));
@@ -331,8 +361,13 @@ impl<M: Machine + Send + 'static> Node<M> {
     fn act(self: &Arc<Self>, state: &mut State<M>, at_work: Option<ConnId>) {
         while let Some(output) = state.machine.poll_output() {
             match output {
-                Output::Dial { dial, addresses } => {
-                    self.runtime.spawn(Arc::clone(self).dial(dial, addresses));
+                Output::Dial {
+                    dial,
+                    addresses,
+                    link,
+                } => {
+                    let dialled = Arc::clone(self).dial(dial, addresses, link);
+                    self.runtime.spawn(dialled);
                 }
                 Output::Post(letter) => {
                     self.runtime.spawn(Arc::clone(self).post(*letter));
@@ -376,6 +411,7 @@ impl<M: Machine + Send + 'static> Node<M> {
                         store.remove(key);
                     }
                 }
+                Output::Revoked(list) => self.learn_revoked(state, &list),
                 output => tell(&mut state.hub, output),
             }
         }
@@ -392,8 +428,8 @@ impl<M: Machine + Send + 'static> Node<M> {
 }
 
 /// Finds out whether a service answers at an address.
-async fn call_at(address: Address, whom: InstanceId) -> CallBack {
-    let (result, reason) = match greet(std::slice::from_ref(&address)).await {
+async fn call_at(address: Address, whom: InstanceId, security: Security) -> CallBack {
+    let (result, reason) = match greet_by(std::slice::from_ref(&address), security).await {
         Ok(greeting) if greeting.instance == whom => (CallBackResult::Answered, String::new()),
         Ok(greeting) => {
             let reason = format!("{} answers there", greeting.name);
@@ -415,6 +451,44 @@ async fn call_at(address: Address, whom: InstanceId) -> CallBack {
         address: address.to_text(),
         result,
         reason: Text::from(reason),
+    }
+}
+
+impl<M: Machine + Send + 'static> Node<M> {
+    /// Heeds what is known to be revoked, and what has expired.
+    #[cfg(feature = "tls")]
+    pub(crate) fn check_fleet(self: &Arc<Self>) {
+        let mut state = self.lock();
+        self.check_links(&mut state);
+        self.act(&mut state, None);
+    }
+
+    /// Another robot tells what is revoked.
+    fn learn_revoked(&self, state: &mut State<M>, list: &[u8]) {
+        match self.security.learn_revoked(list) {
+            Ok(true) => self.check_links(state),
+            Ok(false) => {}
+            Err(reason) => tracing::warn!("a list of what is revoked is of no use: {reason}"),
+        }
+    }
+
+    /// Ends links with robots whose certificates are not good any more, and tells the others of
+    /// what is revoked.
+    fn check_links(&self, state: &mut State<M>) {
+        let now = self.clock.now();
+        let Some(revoked) = self.security.revoked() else {
+            return;
+        };
+        for (conn, certificate) in &state.certificates {
+            let Err((who, reason)) = self.security.check(certificate, now) else {
+                continue;
+            };
+            if let Some(handle) = state.handles.get(conn) {
+                state.hub.tell(&Notice::Refused { who, reason });
+                handle.abort();
+            }
+        }
+        state.machine.revoked(now, revoked);
     }
 }
 
@@ -486,7 +560,8 @@ fn tell(hub: &mut Hub, output: Output) {
         | Output::Finish(_)
         | Output::Abort(_)
         | Output::Store(_)
-        | Output::Unstore(_) => {}
+        | Output::Unstore(_)
+        | Output::Revoked(_) => {}
     }
 }
 
@@ -572,6 +647,7 @@ impl<M: Machine + Send + 'static> Driver for Connection<M> {
         };
         let mut state = self.node.lock();
         state.handles.remove(&self.conn);
+        state.certificates.remove(&self.conn);
         let now = self.node.clock.now();
         state.machine.closed(now, self.conn, ended);
         self.node.act(&mut state, Some(self.conn));

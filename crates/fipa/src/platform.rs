@@ -13,6 +13,7 @@ use crate::backend::Backend;
 use crate::clock::Clock;
 use crate::node::{Hub, Node};
 use crate::room::Room;
+use crate::security::Security;
 use crate::{CalledBack, Error, PlatformBuilder, Sniffer};
 
 /// A platform: the place where agents live.
@@ -53,6 +54,15 @@ pub(crate) struct Inner {
 }
 
 impl Platform {
+    /// Heeds what the membership in a fleet has learned to be revoked, and what has expired: links
+    /// with such robots end, and the others are told. Nothing without a fleet.
+    #[cfg(feature = "tls")]
+    pub fn check_fleet(&self) {
+        if let Backend::Service(node) = &self.inner.backend {
+            node.check_fleet();
+        }
+    }
+
     /// Begins to describe a platform in this process.
     pub fn builder() -> PlatformBuilder {
         PlatformBuilder::new()
@@ -77,7 +87,12 @@ impl Platform {
         let mut hub = Hub::default();
         // The daemon may have answered before anything more is done here.
         let (mut notices, mut changes) = (hub.notices(), hub.changes());
-        let node = Node::start(clock, Program::new(config, clock.now()), hub);
+        let node = Node::start(
+            clock,
+            Program::new(config, clock.now()),
+            hub,
+            Security::default(),
+        );
         loop {
             match notices.recv().await {
                 Some(Notice::DaemonUp) => break,

@@ -5,7 +5,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use fipa::prelude::*;
-use fipa::{Answer, ConversationError, ConversationEvent, EventKind, Monitoring, Order, Rule};
+use fipa::{
+    Answer, ConversationError, ConversationEvent, ConversationRule, EventKind, Monitoring, Order,
+};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 
@@ -376,7 +378,7 @@ async fn a_violation_is_told_and_handed_on_by_an_advisory_agent() {
     let violated = within(violations.next()).await.unwrap();
     assert!(!violated.is_outgoing);
     assert_eq!(violated.message, proposal);
-    assert_eq!(violated.violation.rule, Rule::Performative);
+    assert_eq!(violated.violation.rule, ConversationRule::Performative);
     assert_eq!(
         violated.violation.text,
         "drive@r may not send propose in the state requested of fipa-request; expected: \

@@ -8,9 +8,13 @@ mod checks;
 mod evidence;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use std::time::Duration;
 
-use fipa::{Address, Facts, InstanceId, InterfaceProbe, MDNS_PORT, Platform, State as Life};
+use fipa::{
+    Address, Facts, Folder, GreetError, Greeting, InstanceId, InterfaceProbe, MDNS_PORT,
+    Membership, Platform, State as Life, default_folder,
+};
 use serde_json::json;
 use tokio::task::JoinSet;
 
@@ -261,13 +265,34 @@ fn doubles(platform: &Platform) -> Vec<String> {
     twice.map(|(name, _)| name).collect()
 }
 
+/// The fleet that this machine has joined.
+fn fleet() -> Option<Arc<Membership>> {
+    let folder = Folder::new(default_folder(|name| std::env::var_os(name))?);
+    folder.membership().ok().map(Arc::new)
+}
+
+/// Robots of a fleet greet nobody else; who is in none greets everybody.
+async fn greet(
+    places: &[Address],
+    fleet: Option<&Arc<Membership>>,
+) -> Result<Greeting, GreetError> {
+    if let Some(fleet) = fleet
+        && let Ok(greeting) = fipa::greet_in_fleet(places, fleet).await
+    {
+        return Ok(greeting);
+    }
+    fipa::greet(places).await
+}
+
 /// Calls all of them at once.
 async fn call(whom: Vec<Callee>) -> Vec<Call> {
     let mut calls = JoinSet::new();
+    let fleet = fleet();
     for (number, callee) in whom.into_iter().enumerate() {
+        let fleet = fleet.clone();
         calls.spawn(async move {
             let call = Call {
-                result: fipa::greet(&callee.places).await,
+                result: greet(&callee.places, fleet.as_ref()).await,
                 addresses: callee.places.iter().map(Address::to_string).collect(),
                 whom: callee.whom,
                 other_make: callee.other_make,

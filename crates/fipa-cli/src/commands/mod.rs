@@ -10,6 +10,7 @@ pub mod doctor;
 pub mod echo;
 pub mod encode;
 pub mod hiac;
+pub mod key;
 pub mod listen;
 pub mod lock;
 pub mod ping;

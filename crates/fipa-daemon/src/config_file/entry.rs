@@ -13,7 +13,7 @@ pub(super) struct Entry<'a> {
     pub(super) value: &'a Spanned<DeValue<'a>>,
 }
 
-impl Entry<'_> {
+impl<'a> Entry<'a> {
     /// A string.
     pub(super) fn text<T>(&self, read: impl Fn(&str) -> Result<T, String>) -> Result<T, Wrong> {
         match self.value.get_ref() {
@@ -38,6 +38,18 @@ impl Entry<'_> {
             _ => Err(self.not("a list of strings only", item)),
         };
         items.iter().map(item).collect()
+    }
+
+    /// Tables, each with its place in the file.
+    pub(super) fn tables(&self) -> Result<Vec<(usize, &'a DeTable<'a>)>, Wrong> {
+        let DeValue::Array(items) = self.value.get_ref() else {
+            return Err(self.not("tables, each under [[rules]]", self.value));
+        };
+        let table = |item: &'a Spanned<DeValue<'a>>| match item.get_ref() {
+            DeValue::Table(table) => Ok((item.span().start, table)),
+            _ => Err(self.not("tables only, each under [[rules]]", item)),
+        };
+        items.iter().map(table).collect()
     }
 
     /// A table of strings.

@@ -56,6 +56,8 @@ impl Place {
                 command.env_remove(key);
             }
         }
+        // Nor is the fleet of the machine that of the demo.
+        command.env("FIPAD_FLEET_MODE", "open");
         command.env("FIPA_LOG", "error");
         let mut process = command.spawn().map_err(|e| format!("fipad: {e}"))?;
         let ready = ready(&mut process).await;

@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use fipa::OutboxConfig;
+use fipa::{Fingerprint, OutboxConfig, Rules};
 use fipa_directory::Address;
 use fipa_dsd::InterfaceSelector;
 use fipa_gateway::HiacNames;
@@ -9,7 +9,7 @@ use hiac::links::Endpoint as HiacEndpoint;
 use hiac::station::Workgroup;
 use robot_text::links::Endpoint;
 
-use super::{Options, value};
+use super::{FleetMode, Options, value};
 
 /// What one source says; `None` where it says nothing.
 ///
@@ -37,6 +37,22 @@ pub(crate) struct Layer {
     /// The fleet; only daemons of the same scope talk to each other [default: none]
     #[arg(long, value_name = "NAME", value_parser = value::scope)]
     pub(crate) scope: Option<String>,
+    /// The folder of the fleet [default: fipa/fleet in $XDG_CONFIG_HOME, if this machine joined one]
+    // Empty in a file stands for the default.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) fleet: Option<PathBuf>,
+    /// Who is let in: open, fleet or pinned [default: fleet if this machine joined one, else open]
+    #[arg(long, value_name = "MODE", value_parser = value::fleet_mode)]
+    pub(crate) fleet_mode: Option<FleetMode>,
+    /// The fingerprint of a certificate that is let in, repeatable; for --fleet-mode pinned
+    #[arg(long, value_name = "FINGERPRINT", value_parser = value::fingerprint)]
+    pub(crate) pinned: Option<Vec<Fingerprint>>,
+    /// Refuse to listen beyond loopback without a fleet
+    #[arg(long, num_args = 0, default_missing_value = "true")]
+    pub(crate) require_fleet: Option<bool>,
+    /// Who may send and register; from the file alone.
+    #[arg(skip)]
+    pub(crate) rules: Option<Rules>,
     /// Where mDNS is spoken, repeatable [default: where the endpoints are]
     #[arg(long, value_name = "NAME|CIDR", value_parser = value::interface)]
     pub(crate) interface: Option<Vec<InterfaceSelector>>,
@@ -108,6 +124,11 @@ impl Layer {
             http_path: self.http_path.or(weaker.http_path),
             advertise: self.advertise.or(weaker.advertise),
             scope: self.scope.or(weaker.scope),
+            fleet: self.fleet.or(weaker.fleet),
+            fleet_mode: self.fleet_mode.or(weaker.fleet_mode),
+            pinned: self.pinned.or(weaker.pinned),
+            require_fleet: self.require_fleet.or(weaker.require_fleet),
+            rules: self.rules.or(weaker.rules),
             interface: self.interface.or(weaker.interface),
             no_mdns: self.no_mdns.or(weaker.no_mdns),
             mdns_agents: self.mdns_agents.or(weaker.mdns_agents),
@@ -140,6 +161,11 @@ impl Layer {
             http_path: self.http_path.unwrap_or(default.http_path),
             advertise: self.advertise.unwrap_or(default.advertise),
             scope: self.scope.unwrap_or(default.scope),
+            fleet: self.fleet.filter(|path| !path.as_os_str().is_empty()),
+            fleet_mode: self.fleet_mode,
+            pinned: self.pinned.unwrap_or(default.pinned),
+            require_fleet: self.require_fleet.unwrap_or(default.require_fleet),
+            rules: self.rules.unwrap_or(default.rules),
             interface: self.interface.unwrap_or(default.interface),
             no_mdns: self.no_mdns.unwrap_or(default.no_mdns),
             mdns_agents: self.mdns_agents.unwrap_or(default.mdns_agents),

@@ -1,12 +1,17 @@
 //! What single values look like, the same for every source.
 
-use fipa::Text;
+use fipa::{
+    Action, Fingerprint, NamePattern, Network, NetworkError, ParseFingerprintError, PatternError,
+    Text,
+};
 use fipa_directory::{Address, ParseAddressError};
 use fipa_dsd::{InterfaceSelector, ParseSelectorError};
 use hiac::links::{Endpoint as HiacEndpoint, EndpointError as HiacEndpointError};
 use hiac::station::Workgroup;
 use hiac::{Address as HiacAddress, AddressError, Mask, MaskError};
 use robot_text::links::{Endpoint, EndpointError};
+
+use super::FleetMode;
 
 /// The scope is announced in a TXT string of 255 octets that begins with `scope=`.
 const LONGEST_SCOPE: usize = 249;
@@ -87,6 +92,43 @@ pub(crate) fn peer_address(text: &str) -> Result<Address, String> {
             Err(format!("{text:?}: nobody can connect to port 0"))
         }
         address => Ok(address),
+    }
+}
+
+/// Who is let in.
+pub(crate) fn fleet_mode(text: &str) -> Result<FleetMode, String> {
+    match text {
+        "open" => Ok(FleetMode::Open),
+        "fleet" => Ok(FleetMode::Fleet),
+        "pinned" => Ok(FleetMode::Pinned),
+        _ => Err(format!("{text:?} is none of open, fleet and pinned")),
+    }
+}
+
+/// The fingerprint of a certificate.
+pub(crate) fn fingerprint(text: &str) -> Result<Fingerprint, String> {
+    text.parse()
+        .map_err(|error: ParseFingerprintError| error.to_string())
+}
+
+/// A pattern of names.
+pub(crate) fn name_pattern(text: &str) -> Result<NamePattern, String> {
+    text.parse()
+        .map_err(|error: PatternError| error.to_string())
+}
+
+/// Addresses of peers.
+pub(crate) fn network(text: &str) -> Result<Network, String> {
+    text.parse()
+        .map_err(|error: NetworkError| error.to_string())
+}
+
+/// What a rule is about.
+pub(crate) fn action(text: &str) -> Result<Action, String> {
+    match text {
+        "send" => Ok(Action::Send),
+        "register" => Ok(Action::Register),
+        _ => Err(format!("{text:?} is neither send nor register")),
     }
 }
 

@@ -1,14 +1,17 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use fipa::OutboxConfig;
-use fipa_daemon::options::{DEFAULT_CONFIG, Options};
+use fipa::{OutboxConfig, Rules};
+use fipa_daemon::options::{DEFAULT_CONFIG, FleetMode, Options};
 use fipa_gateway::HiacNames;
 use hiac::Mask;
 use hiac::station::Workgroup;
 use tempfile::TempDir;
 
 use crate::given::{Given, env, file, line, write};
+
+/// That of a certificate.
+const FINGERPRINT: &str = "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef";
 
 fn texts(values: &[impl ToString]) -> Vec<String> {
     values.iter().map(ToString::to_string).collect()
@@ -61,6 +64,11 @@ fn every_option_can_be_given_in_every_source() {
         http_path: "/mts".into(),
         advertise: vec!["tcp://robot1:4100".parse().unwrap()],
         scope: "plant".into(),
+        fleet: Some("/etc/fleet".into()),
+        fleet_mode: Some(FleetMode::Pinned),
+        pinned: vec![FINGERPRINT.parse().unwrap()],
+        require_fleet: true,
+        rules: Rules::default(),
         interface: vec!["wlan0".parse().unwrap(), "10.0.0.0/8".parse().unwrap()],
         no_mdns: true,
         mdns_agents: 20,
@@ -90,8 +98,11 @@ fn every_option_can_be_given_in_every_source() {
         state: Some("/var/lib/fipad".into()),
         outbox: OutboxConfig::default(),
     };
-    let words = "--name robot1 --listen tcp://0.0.0.0:4100 --listen unix:///a \
-                 --http robot1:7778 --http-path /mts --advertise tcp://robot1:4100 --scope plant --interface wlan0 \
+    let words = "--fleet /etc/fleet --fleet-mode pinned --require-fleet --pinned \
+                 0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef \
+                 --name robot1 --listen tcp://0.0.0.0:4100 --listen unix:///a \
+                 --http robot1:7778 --http-path /mts --advertise tcp://robot1:4100 \
+                 --scope plant --interface wlan0 \
                  --interface 10.0.0.0/8 --no-mdns --mdns-agents 20 --mdns-port 5454 \
                  --peer [::1]:1 --peer b:2 \
                  --control /run/x.sock --json \
@@ -110,6 +121,10 @@ fn every_option_can_be_given_in_every_source() {
         http-path = "/mts"
         advertise = "tcp://robot1:4100"
         scope = "plant"
+        fleet = "/etc/fleet"
+        fleet-mode = "pinned"
+        pinned = "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"
+        require-fleet = true
         interface = ["wlan0", "10.0.0.0/8"]
         no-mdns = true
         mdns-agents = 20
@@ -133,6 +148,10 @@ fn every_option_can_be_given_in_every_source() {
         ("FIPAD_HTTP_PATH", "/mts"),
         ("FIPAD_ADVERTISE", "robot1:4100"),
         ("FIPAD_SCOPE", "plant"),
+        ("FIPAD_FLEET", "/etc/fleet"),
+        ("FIPAD_FLEET_MODE", "pinned"),
+        ("FIPAD_PINNED", FINGERPRINT),
+        ("FIPAD_REQUIRE_FLEET", "1"),
         ("FIPAD_INTERFACE", "wlan0 10.0.0.0/8"),
         ("FIPAD_NO_MDNS", "1"),
         ("FIPAD_MDNS_AGENTS", "20"),
@@ -220,7 +239,7 @@ fn the_default_file_is_the_defaults() {
     let keys: Vec<&str> = keys
         .filter(|line| line.starts_with(|c: char| c.is_alphabetic() || c == '['))
         .collect();
-    assert_eq!(keys.len(), 28);
+    assert_eq!(keys.len(), 34);
     let text = keys.join("\n");
     let given = Given {
         file: Some(&text),

@@ -138,7 +138,8 @@ impl Mts {
         instance: InstanceId,
         ask: AskCallBack,
     ) {
-        let remote = self.conns.get(&conn).and_then(|open| open.remote.clone());
+        let open = self.conns.get(&conn);
+        let remote: Option<Address> = open.and_then(|open| open.remote.parse().ok());
         let mut addresses = Vec::new();
         let mut untried = Vec::new();
         for text in ask.addresses.into_iter().take(MOST_ADDRESSES) {

@@ -15,12 +15,13 @@ use fipa_codec::{
 use fipa_directory::Now;
 use fipa_link::{Outcome, PREAMBLE, ReceiverOutcome};
 
+use super::connections::FarEnd;
 use super::deliveries::Origin;
 use super::doors::host_of;
 use super::notices::Returnable;
 use super::routing::{Inbound, Terms};
 use super::{Mts, Timer};
-use crate::machine::{ConnId, Connected, Ended, Notice, Output};
+use crate::machine::{ConnId, Ended, Notice, Output};
 
 /// Callers whose kind is not known or whose letter is not whole, at most; beyond that the one that
 /// has written nothing for longest is given up.
@@ -38,16 +39,18 @@ const LATE: Duration = Duration::from_millis(100);
 /// How long the outcome of a letter is waited for whose sender waits for none.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
 
+/// The first octet of a TLS handshake.
+const TLS: u8 = 0x16;
+
 /// Blanks within which a letter in XML must begin.
 const MAX_BLANKS: usize = 64;
 
 /// Somebody who opened a connection.
 #[derive(Debug)]
 pub(super) struct Caller {
-    remote: Text,
+    far: FarEnd,
     /// Where it is, without its port.
     host: Text,
-    same_host: bool,
     /// What has come of its letter.
     octets: BytesMut,
     /// It begins like a letter.
@@ -66,22 +69,21 @@ impl Caller {
 }
 
 impl Mts {
-    pub(super) fn called(&mut self, now: Now, connected: Connected) {
+    pub(super) fn called(&mut self, now: Now, conn: ConnId, far: FarEnd) {
         if self.callers.len() >= MAX_CALLERS
             && let Some(quietest) = self.quietest_caller(None)
         {
             self.give_caller_up(quietest, "too many connections wait for their first octets");
         }
         let caller = Caller {
-            host: host_of(&connected.remote),
-            remote: connected.remote,
-            same_host: connected.same_host,
+            host: host_of(&far.remote),
+            far,
             octets: BytesMut::new(),
             is_letter: false,
             heard: now.mono,
         };
-        self.timer(caller.deadline(), Timer::Caller(connected.conn));
-        self.callers.insert(connected.conn, caller);
+        self.timer(caller.deadline(), Timer::Caller(conn));
+        self.callers.insert(conn, caller);
     }
 
     /// Whether the connection is a link, to which these octets belong.
@@ -90,16 +92,13 @@ impl Mts {
             return true;
         };
         if caller.octets.is_empty() && octets.first() == Some(&PREAMBLE[0]) {
-            let (remote, same_host) = (caller.remote.clone(), caller.same_host);
+            let far = caller.far.clone();
             self.callers.remove(&conn);
-            let connected = Connected {
-                conn,
-                dialled: None,
-                control: false,
-                same_host,
-                remote,
-            };
-            self.open_link(now, connected, None);
+            if self.is_keyless(&far) {
+                self.refuse_link(now, conn, far);
+                return true;
+            }
+            self.open_link(now, conn, None, false, far);
             return true;
         }
         if octets.is_empty() {
@@ -124,6 +123,10 @@ impl Mts {
 
     /// Why what has come cannot become a letter that is taken in.
     fn objection(&mut self, conn: ConnId) -> Option<String> {
+        let remote = self.callers.get(&conn)?.far.remote.clone();
+        if let Some(refusal) = self.keyless_refusal(&remote) {
+            return Some(refusal.to_owned());
+        }
         let caller = self.callers.get_mut(&conn)?;
         let (octets, max) = (&caller.octets, self.config.max_letter);
         if octets.len() > max {
@@ -136,6 +139,11 @@ impl Mts {
             return None;
         }
         let first = octets.first().copied().unwrap_or_default();
+        if first == TLS {
+            return Some(
+                "it speaks TLS as a robot of a fleet, and there is no fleet here".to_owned(),
+            );
+        }
         Some(format!(
             "neither a link nor a letter begins with the octet {first:#04x}"
         ))
@@ -173,7 +181,7 @@ impl Mts {
     pub(super) fn give_caller_up(&mut self, conn: ConnId, reason: &str) {
         self.outputs.push_back(Output::Close(conn));
         if let Some(caller) = self.forget_caller(conn) {
-            self.caller_notice(caller.remote, caller.octets.len(), reason);
+            self.caller_notice(caller.far.remote, caller.octets.len(), reason);
         }
     }
 
@@ -200,7 +208,7 @@ impl Mts {
         let Some(caller) = self.forget_caller(conn) else {
             return;
         };
-        let (from, octets) = (caller.remote, caller.octets.freeze());
+        let (from, octets) = (caller.far.remote, caller.octets.freeze());
         if octets.is_empty() {
             return;
         }

@@ -10,6 +10,7 @@ use fipa_link::{Event, Frame, Hello, Link, LinkConfig, Role};
 
 use super::call_backs::Asker;
 use super::dialling::Purpose;
+use super::fleet::{FLEET, NAME};
 use super::sync::Unfinished;
 use super::{Mts, Timer};
 use crate::machine::{ConnId, Connected, Notice, Output};
@@ -45,13 +46,14 @@ pub(super) struct Conn {
     pub(super) link: Link,
     /// Where it was dialled to.
     pub(super) address: Option<Address>,
-    /// Where the other end is.
-    pub(super) remote: Option<Address>,
     purpose: Option<Purpose>,
     /// Nothing has come over it yet.
     mute: bool,
     control: bool,
     pub(super) same_host: bool,
+    pub(super) remote: Text,
+    /// The robot whose certificate the partner has shown.
+    pub(super) identity: Option<Text>,
     pub(super) partner: Partner,
     /// Letters that went out on it and wait for their receipts.
     pub(super) outstanding: BTreeSet<u64>,
@@ -70,6 +72,16 @@ pub(super) struct Conn {
     parted: Option<&'static str>,
     /// Its timer; one that fires earlier is of no use any more.
     timer: Duration,
+}
+
+/// What is known of the other end before it says anything.
+#[derive(Clone, Debug)]
+pub(super) struct FarEnd {
+    pub(super) same_host: bool,
+    /// Where it is, for people.
+    pub(super) remote: Text,
+    /// The robot whose certificate it has shown.
+    pub(super) identity: Option<Text>,
 }
 
 /// Who is at the other end.
@@ -103,48 +115,76 @@ impl Conn {
 
 impl Mts {
     pub(super) fn open_conn(&mut self, now: Now, connected: Connected) {
-        let conn = connected.conn;
-        match connected.dialled {
+        let (conn, control) = (connected.conn, connected.control);
+        let far = FarEnd {
+            same_host: connected.same_host,
+            remote: connected.remote.clone(),
+            identity: connected.identity.clone(),
+        };
+        match connected.dialled.clone() {
             Some((dial, _)) if self.post.has_dial(dial) => self.post_connected(now, conn, dial),
             _ if self.closing => self.outputs.push_back(Output::Close(conn)),
-            Some((dial, _)) => {
+            Some((dial, address)) => {
                 let purpose = self.dials.remove(&dial);
-                self.open_link(now, connected, purpose);
+                self.open_link(now, conn, Some((purpose, address)), control, far);
             }
-            None if connected.control => self.open_link(now, connected, None),
-            None if self.let_in(&connected) => self.called(now, connected),
+            None if control => self.open_link(now, conn, None, control, far),
+            None if self.let_in(&connected) => self.called(now, conn, far),
             None => {}
         }
     }
 
     /// Greets whoever is at the other end of a connection that is to be a link.
-    pub(super) fn open_link(&mut self, now: Now, connected: Connected, purpose: Option<Purpose>) {
-        let Connected {
-            conn,
-            dialled,
-            control,
-            same_host,
-            remote,
-        } = connected;
-        let mut config = LinkConfig::new(self.hello(now, same_host));
-        if let Some(Purpose::Seed(seed)) = purpose
+    pub(super) fn open_link(
+        &mut self,
+        now: Now,
+        conn: ConnId,
+        dialled: Option<(Option<Purpose>, Address)>,
+        control: bool,
+        far: FarEnd,
+    ) {
+        let mut config = LinkConfig::new(self.hello(now, far.same_host));
+        if let Some((Some(Purpose::Seed(seed)), _)) = dialled
             && self.is_given_with_letter(seed)
         {
             config.hello_timeout = PROBE;
         }
         let link = Link::new(config, now);
+        self.add_conn(conn, link, dialled, control, far);
+        self.announce_transmit(conn);
+    }
+
+    /// Adds a connection whose partner is still to say who it is.
+    pub(super) fn add_conn(
+        &mut self,
+        conn: ConnId,
+        link: Link,
+        dialled: Option<(Option<Purpose>, Address)>,
+        control: bool,
+        far: FarEnd,
+    ) {
+        let FarEnd {
+            same_host,
+            remote,
+            identity,
+        } = far;
+        let (purpose, address) = match dialled {
+            Some((purpose, address)) => (purpose, Some(address)),
+            None => (None, None),
+        };
         let timer = link.poll_timeout();
         self.timer(timer, Timer::Conn(conn));
         self.conns.insert(
             conn,
             Conn {
                 link,
-                address: dialled.map(|(_, address)| address),
-                remote: remote.parse().ok(),
+                address,
                 purpose,
                 mute: true,
                 control,
                 same_host,
+                remote,
+                identity,
                 partner: Partner::Unknown,
                 outstanding: BTreeSet::new(),
                 retired: false,
@@ -156,7 +196,6 @@ impl Mts {
                 timer,
             },
         );
-        self.announce_transmit(conn);
     }
 
     /// Reads whatever frames are whole.
@@ -232,6 +271,12 @@ impl Mts {
     /// Says goodbye and closes.
     pub(super) fn part(&mut self, now: Now, conn: ConnId, reason: &'static str) {
         self.send(now, conn, Frame::Goodbye(Text::from_static(reason)));
+        self.part_silently(conn, reason);
+    }
+
+    /// Closes once what waits is written.
+    pub(super) fn part_silently(&mut self, conn: ConnId, reason: &'static str) {
+        self.announce_transmit(conn);
         if let Some(open) = self.conns.get_mut(&conn) {
             open.parted = Some(reason);
         }
@@ -261,9 +306,13 @@ impl Mts {
                     None => Text::from_static("a caller"),
                 };
                 // An address is dialled again and again: what is known of it is not told anew.
-                if closed
-                    .purpose
-                    .is_none_or(|p| self.dial_error(p) != Some(reason))
+                let told = closed
+                    .parted
+                    .is_some_and(|reason| [FLEET, NAME].contains(&reason));
+                if !told
+                    && closed
+                        .purpose
+                        .is_none_or(|p| self.dial_error(p) != Some(reason))
                 {
                     let reason = Text::from(reason);
                     self.notice(Notice::LinkFailed { with, reason });
@@ -306,7 +355,7 @@ impl Mts {
         endpoints.map(Address::to_text).collect()
     }
 
-    fn hello(&self, now: Now, same_host: bool) -> Hello {
+    pub(super) fn hello(&self, now: Now, same_host: bool) -> Hello {
         Hello {
             version: Hello::VERSION,
             role: Role::Daemon,
@@ -332,6 +381,9 @@ impl Mts {
         let Some(open) = self.conns.get_mut(&conn) else {
             return;
         };
+        if open.parted.is_some() {
+            return;
+        }
         let purpose = open.purpose;
         match hello.role {
             Role::Program if open.control => {
@@ -352,6 +404,12 @@ impl Mts {
                 self.part(now, conn, SCOPE);
             }
             Role::Daemon => {
+                if let Some(reason) = self.link_refusal(conn, hello.instance, &hello.name) {
+                    return self.part(now, conn, reason);
+                }
+                let Some(open) = self.conns.get_mut(&conn) else {
+                    return;
+                };
                 open.partner = Partner::Daemon {
                     instance: hello.instance,
                     max_letter: hello.max_letter,
@@ -395,6 +453,9 @@ impl Mts {
             (Frame::Platforms(platforms), Partner::Daemon { instance, .. }) => {
                 let instance = *instance;
                 self.hear_platforms(now, conn, instance, platforms);
+            }
+            (Frame::Revoked(list), Partner::Daemon { .. }) if open.identity.is_some() => {
+                self.outputs.push_back(Output::Revoked(list));
             }
             (Frame::Watch, Partner::Program { watch, .. }) => {
                 *watch = true;

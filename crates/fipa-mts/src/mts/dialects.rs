@@ -18,6 +18,8 @@ const JADE_BRIDGE: &str = "JadeProxyAgent";
 pub(super) struct Foreign {
     /// The receiver.
     pub(super) to: AgentId,
+    /// The agent that sends.
+    pub(super) from: Text,
     /// Our stamp and the receiver.
     pub(super) overlay: Slots,
     /// The letter as it came: a bit-efficient envelope, within the first part, and its payload.

@@ -5,6 +5,7 @@ use std::time::Duration;
 use fipa_directory::{Address, InstanceId, Now, State};
 
 use super::connections::SCOPE;
+use super::fleet::{FLEET, NAME};
 use super::{Mts, Timer};
 use crate::machine::{DialId, Output};
 
@@ -70,7 +71,11 @@ impl Mts {
     pub(super) fn dial(&mut self, _now: Now, purpose: Purpose, addresses: Vec<Address>) {
         let dial = DialId(self.id());
         self.dials.insert(dial, purpose);
-        self.outputs.push_back(Output::Dial { dial, addresses });
+        self.outputs.push_back(Output::Dial {
+            dial,
+            addresses,
+            link: true,
+        });
     }
 
     /// Why the last dial for this led to nobody.
@@ -83,6 +88,11 @@ impl Mts {
 
     /// A dial led to nobody.
     pub(super) fn dial_ended(&mut self, now: Now, purpose: Purpose, reason: &str) {
+        if let Purpose::Seed(id) = purpose
+            && self.is_for_keyless(id)
+        {
+            return self.seed_is_mute(now, id);
+        }
         let random = self.random.f64();
         let mut longest = LONGEST_PAUSE;
         let dialling = match purpose {
@@ -100,8 +110,8 @@ impl Mts {
                 }
                 &mut peer.dialling
             }
-            Purpose::Seed(seed) => {
-                let Some(seed) = self.seeds.get_mut(seed) else {
+            Purpose::Seed(id) => {
+                let Some(seed) = self.seeds.get_mut(id) else {
                     return;
                 };
                 seed.last_error = reason.to_owned();
@@ -112,7 +122,10 @@ impl Mts {
                 &mut seed.dialling
             }
         };
-        if reason == SCOPE {
+        if [SCOPE, FLEET, NAME]
+            .iter()
+            .any(|unwanted| reason.ends_with(unwanted))
+        {
             longest = UNWANTED_PAUSE;
         }
         let at = now.mono + pause(dialling.attempts, longest, random);

@@ -10,6 +10,7 @@ mod dialling;
 mod doors;
 mod duplicates;
 mod facts;
+mod fleet;
 mod gossip;
 mod http;
 mod jade;
@@ -48,6 +49,7 @@ use self::connections::Conn;
 use self::deliveries::{Delivery, Origin, Pending};
 use self::dialling::Purpose;
 use self::doors::Doors;
+use self::fleet::Fleet;
 use self::gossip::Gossip;
 use self::http::Recent;
 use self::late::Late;
@@ -76,6 +78,8 @@ const MAX_ENTRY: usize = 64 << 10;
 pub struct Mts {
     config: Config,
     directory: Directory,
+    /// The fleet, where there is one.
+    fleet: Option<Fleet>,
     /// Counts the changes of our own entries.
     version: u64,
     conns: BTreeMap<ConnId, Conn>,
@@ -143,6 +147,7 @@ impl Mts {
     pub fn new(config: Config) -> Mts {
         Mts {
             directory: Directory::new(),
+            fleet: (config.fleet.as_ref()).map(|robots| Fleet::new(&config.name, robots)),
             version: 0,
             conns: BTreeMap::new(),
             callers: BTreeMap::new(),
@@ -362,6 +367,10 @@ impl Machine for Mts {
         self.own_watches(now, on);
     }
 
+    fn revoked(&mut self, now: Now, list: Bytes) {
+        self.tell_revoked(now, list);
+    }
+
     fn shutdown(&mut self, now: Now) {
         self.closing = true;
         self.end_tap(now);
@@ -393,6 +402,9 @@ impl Mts {
         }
         if self.locals.contains_key(&name) {
             return Err(RegisterError::Held(name));
+        }
+        if let Some(refusal) = self.local_refusal(&name) {
+            return Err(refusal);
         }
         let octets = name.len() + kind.len() + description.len();
         if octets > MAX_ENTRY {

@@ -59,7 +59,7 @@ impl Mts {
     /// both entries stay.
     pub fn neighbour_found(&mut self, now: Now, entry: Entry) {
         let own = |address: Address| self.config.endpoints.contains(&address);
-        if self.closing || addresses_of(&entry).any(own) {
+        if self.closing || addresses_of(&entry).any(own) || !self.is_neighbour_admitted(&entry) {
             return;
         }
         let name = entry.name.clone();

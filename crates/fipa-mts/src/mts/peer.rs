@@ -80,6 +80,8 @@ impl Peers {
 #[derive(Debug)]
 pub(super) struct Peer {
     pub(super) name: Text,
+    /// The robot whose certificate it has shown.
+    pub(super) identity: Option<Text>,
     /// Where mDNS says it is; `None` when mDNS does not know it.
     pub(super) discovered: Option<Vec<Address>>,
     /// Where others say it is.
@@ -106,6 +108,7 @@ impl Peer {
     fn new(name: Text) -> Peer {
         Peer {
             name,
+            identity: None,
             discovered: None,
             told: Vec::new(),
             sought_until: Duration::ZERO,

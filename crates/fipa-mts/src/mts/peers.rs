@@ -138,7 +138,12 @@ impl Mts {
         let instance = hello.instance;
         let seeds = self.forget_earlier_run(now, &hello);
         let reached = self.conns.get(&conn).and_then(|open| open.address.clone());
+        let identity = self.conns.get(&conn).and_then(|open| open.identity.clone());
+        if let Some(robot) = &identity {
+            self.robot_met(now, robot);
+        }
         let peer = self.peers.meet_as(instance, &hello.name);
+        peer.identity = identity;
         peer.seeds.extend(seeds);
         peer.state = State::Alive;
         peer.down_since = None;
@@ -153,6 +158,7 @@ impl Mts {
         let first = peer.links.len() == 1;
         self.directory.set_state(now, instance, State::Alive);
         let same_host = self.conns.get(&conn).is_some_and(|open| open.same_host);
+        self.tell_newcomer_revoked(now, conn);
         self.send_own_entries(now, conn, same_host);
         match purpose {
             Some(Purpose::Seed(seed)) => self.seed_met(now, seed, instance),
@@ -296,6 +302,7 @@ impl Mts {
         let discovered = peer.discovered.is_some();
         self.seek_lost_peer(now, instance);
         self.forget_seen_later(now, instance);
+        self.drop_claims(instance);
         self.directory.remove_owner(now, instance);
         self.release_deliveries(now, instance, &format!("{name} is gone: {reason}"));
         self.notice(Notice::PeerGone { name, reason });
@@ -340,6 +347,7 @@ impl Mts {
     }
 
     fn forget_peer(&mut self, now: Now, instance: InstanceId) {
+        self.drop_claims(instance);
         self.directory.remove_owner(now, instance);
         let name = self.peer_name(instance);
         self.release_deliveries(now, instance, &format!("{name} is gone"));

@@ -239,7 +239,7 @@ impl Mts {
         locations.sort_by_key(|l| preference(&l.address, &foreign.transports));
         // What fipa_services writes ends with a separator, and so with an empty location.
         for location in locations.iter().filter(|l| !l.address.is_empty()) {
-            match self.place(location) {
+            match self.place(foreign, location) {
                 Ok(place) => attempt.places.push_back(place),
                 Err(reason) => attempt.failures.push(reason),
             }
@@ -247,12 +247,19 @@ impl Mts {
         attempt
     }
 
-    fn place(&self, location: &Location) -> Result<(Address, Dialect), String> {
+    fn place(&self, foreign: &Foreign, location: &Location) -> Result<(Address, Dialect), String> {
         let (at, signature) = (&location.address, &location.signature);
+        let may_leave = |address: Address, dialect| {
+            let refusal = self.leave_refusal(&foreign.from, &foreign.to.name, &address);
+            match refusal {
+                Some(reason) => Err(format!("{at}: {reason}")),
+                None => Ok((address, dialect)),
+            }
+        };
         if let Ok(address @ Address::Http { .. }) = at.parse() {
             return match self.config.http.contains(&address) {
                 true => Err(format!("{at}: this is the service itself")),
-                false => Ok((address, Dialect::Jade)),
+                false => may_leave(address, Dialect::Jade),
             };
         }
         let Some(dialect) = dialects::of_signature(signature) else {
@@ -262,7 +269,7 @@ impl Mts {
             Ok(address) if self.config.endpoints.contains(&address) => {
                 Err(format!("{at}: this is the service itself"))
             }
-            Ok(address @ Address::Tcp { .. }) => Ok((address, dialect)),
+            Ok(address @ Address::Tcp { .. }) => may_leave(address, dialect),
             Ok(_) => Err(format!("{at}: it is a socket of another host")),
             Err(error) => Err(format!("{at}: {error}")),
         }
@@ -317,7 +324,11 @@ impl Mts {
         let dial = DialId(self.id());
         self.post.set_out(dial, trip);
         let addresses = vec![address.clone()];
-        self.outputs.push_back(Output::Dial { dial, addresses });
+        self.outputs.push_back(Output::Dial {
+            dial,
+            addresses,
+            link: false,
+        });
         Ok(())
     }
 

@@ -116,6 +116,12 @@ impl Mts {
         if self.has_been_here(&inbound.envelope) {
             resolved.iter_mut().for_each(|one| self.end_circle(one));
         }
+        for one in &mut resolved {
+            let refusal = self.letter_refusal(&origin, &inbound.envelope, &one.to.name);
+            if let Some(reason) = refusal {
+                one.route = Route::Nowhere(Outcome::Refused, reason);
+            }
+        }
         if resolved.is_empty() {
             let reason = match inbound.envelope.intended_receiver() {
                 [] => Text::from_static("the envelope names no receiver"),
@@ -371,6 +377,11 @@ impl Mts {
                     ..overlay
                 },
                 to,
+                from: inbound
+                    .envelope
+                    .from()
+                    .map(|from| from.name.clone())
+                    .unwrap_or_default(),
                 parts: inbound.parts.clone(),
                 payload: inbound.payload,
                 addresses,

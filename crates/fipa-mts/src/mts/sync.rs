@@ -51,7 +51,10 @@ impl Mts {
                 let name = &change.record.entry.name;
                 match change.kind {
                     ChangeKind::Added => self.follow(now, name),
-                    ChangeKind::Removed => self.show_neighbour(now, name),
+                    ChangeKind::Removed => {
+                        self.settle_claims(now, name);
+                        self.show_neighbour(now, name);
+                    }
                     _ => {}
                 }
                 self.outputs.push_back(Output::Directory(change));
@@ -152,7 +155,9 @@ impl Mts {
                     DirectoryItem::Put { owner, entry, .. } if owner == instance => Some(entry),
                     _ => None,
                 });
-                let entries: Vec<Entry> = entries.collect();
+                self.drop_claims(instance);
+                let mut entries: Vec<Entry> = entries.collect();
+                entries.retain(|entry| self.is_admitted(instance, entry));
                 for entry in &entries {
                     self.make_way_for(now, entry);
                 }
@@ -163,10 +168,14 @@ impl Mts {
             for item in items {
                 match item {
                     DirectoryItem::Put { owner, entry, .. } if owner == instance => {
+                        if !self.is_admitted(instance, &entry) {
+                            continue;
+                        }
                         self.make_way_for(now, &entry);
                         self.directory.put(now, instance, source, entry);
                     }
                     DirectoryItem::Remove { owner, name } if owner == instance => {
+                        self.drop_claim(instance, &name);
                         self.directory.remove(now, instance, &name);
                     }
                     _ => {}

@@ -118,6 +118,7 @@ impl Raw {
             control: role == Role::Program,
             same_host,
             remote: Text::from_static(remote),
+            identity: None,
         };
         raw.mts.connected(now, connected);
         raw.exchange();

@@ -1,0 +1,11 @@
+//! Fleets: who is let in, and what others are told.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod place;
+mod readme;
+mod rules;
+mod stranger;
+mod strangers;
+mod without;
