@@ -5,6 +5,7 @@ mod support;
 
 mod agents;
 mod attach;
+mod bench;
 mod echo;
 mod hiac;
 mod key;

@@ -6,8 +6,8 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    agents, ams, attach, decode, df, doctor, echo, encode, hiac, key, listen, lock, ping, platform,
-    protocol, send, sniff, text,
+    agents, ams, attach, bench, decode, df, doctor, echo, encode, hiac, key, listen, lock, ping,
+    platform, protocol, send, sniff, text,
 };
 use crate::{Failure, streams};
 
@@ -35,6 +35,8 @@ pub enum Command {
     Ams(ams::Args),
     /// Be one agent for a program in any language: JSON lines in and out
     Attach(attach::Args),
+    /// Measure what the link to another robot gives, by each transport
+    Bench(bench::Args),
     /// Show encoded messages and letters as JSON, one a line
     Decode(decode::Args),
     /// Look into the yellow pages of a platform, and write into them
@@ -77,6 +79,7 @@ impl Command {
             Command::Agents(_) => "agents",
             Command::Ams(_) => "ams",
             Command::Attach(_) => "attach",
+            Command::Bench(_) => "bench",
             Command::Decode(_) => "decode",
             Command::Df(_) => "df",
             Command::Doctor(_) => "doctor",
@@ -100,6 +103,7 @@ impl Command {
             Command::Agents(args) => agents::run(args),
             Command::Ams(args) => ams::run(args),
             Command::Attach(args) => attach::run(args),
+            Command::Bench(args) => bench::run(args),
             Command::Decode(args) => decode::run(args),
             Command::Df(args) => df::run(args),
             Command::Doctor(args) => doctor::run(args),

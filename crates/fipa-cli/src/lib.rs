@@ -20,6 +20,7 @@ pub mod forms;
 mod json_values;
 mod sniffed;
 mod streams;
+mod times;
 mod verdicts;
 
 pub use cli::{Cli, Command, main, run};

@@ -14,6 +14,8 @@ mod handle;
 pub mod http;
 mod listen;
 mod pump;
+#[cfg(feature = "raw")]
+pub mod raw;
 mod stream;
 mod tcp;
 #[cfg(feature = "tls")]

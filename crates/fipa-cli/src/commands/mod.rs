@@ -4,6 +4,7 @@
 pub mod agents;
 pub mod ams;
 pub mod attach;
+pub mod bench;
 pub mod decode;
 pub mod df;
 pub mod doctor;

@@ -9,6 +9,7 @@ use tokio::task::JoinSet;
 
 use crate::Failure;
 use crate::attached::{self, Control, print_json, print_line};
+use crate::times::{Times, rounded};
 
 /// The options of `fipa ping`.
 #[derive(Debug, clap::Args)]
@@ -62,8 +63,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 #[derive(Default)]
 struct Results {
     sent: u64,
-    /// Round trips in microseconds, shortest first.
-    times: Vec<f64>,
+    /// Round trips.
+    times: Times,
     elapsed: Duration,
     complaint: Option<String>,
 }
@@ -72,6 +73,7 @@ async fn ping(args: &Args, agent: Agent) -> Result<Results, Failure> {
     let agent = Arc::new(agent);
     let content = bytes::Bytes::from(vec![b'x'; args.size]);
     let mut results = Results::default();
+    let mut times = Vec::new();
     let mut under_way = JoinSet::new();
     let start = Instant::now();
     loop {
@@ -84,7 +86,7 @@ async fn ping(args: &Args, agent: Agent) -> Result<Results, Failure> {
         }
         match under_way.join_next().await {
             None => break,
-            Some(Ok(Ok(time))) => results.times.push(time.as_secs_f64() * 1e6),
+            Some(Ok(Ok(time))) => times.push(time.as_secs_f64() * 1e6),
             Some(Ok(Err(RequestError::Ended))) => {
                 return Err(Failure::environment("the daemon is gone"));
             }
@@ -93,7 +95,7 @@ async fn ping(args: &Args, agent: Agent) -> Result<Results, Failure> {
         }
     }
     results.elapsed = start.elapsed();
-    results.times.sort_by(f64::total_cmp);
+    results.times = times.into_iter().collect();
     Ok(results)
 }
 
@@ -113,7 +115,7 @@ fn report(args: &Args, results: Results) -> Result<(), Failure> {
         0.0 => 0.0,
         seconds => received as f64 / seconds,
     };
-    let times = summary(&results.times);
+    let times = results.times.to_json();
     if args.json {
         return print_json(&json!({
             "sent": results.sent,
@@ -134,26 +136,4 @@ fn report(args: &Args, results: Results) -> Result<(), Failure> {
         print_line(complaint)?;
     }
     Ok(())
-}
-
-fn summary(times: &[f64]) -> Value {
-    let (Some(min), Some(max)) = (times.first(), times.last()) else {
-        return Value::Null;
-    };
-    let count = times.len() as f64;
-    let mean = times.iter().sum::<f64>() / count;
-    let variance = times.iter().map(|t| (t - mean).powi(2)).sum::<f64>() / count;
-    let percentile = |p: f64| times[((count - 1.0) * p).round() as usize];
-    json!({
-        "min": rounded(*min),
-        "p50": rounded(percentile(0.5)),
-        "mean": rounded(mean),
-        "stddev": rounded(variance.sqrt()),
-        "p99": rounded(percentile(0.99)),
-        "max": rounded(*max),
-    })
-}
-
-fn rounded(number: f64) -> f64 {
-    (number * 10.0).round() / 10.0
 }
