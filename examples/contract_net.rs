@@ -1,11 +1,21 @@
 //! A contract net: a master calls twenty bidders on three robots for a task. One robot fails while
 //! they bid, with the best bid of all. The best of those that live gets the task.
+//!
+//! With the name of a file, what passes the master's robot is logged there, to be drawn:
+//!
+//! ```text
+//! cargo run --example contract_net -- contract-net.jsonl
+//! fipa sniff --file contract-net.jsonl --format svg > contract-net.svg
+//! ```
 
+use std::io::Write;
 use std::process::{Child, Command};
 use std::time::Duration;
 
 use fipa::prelude::*;
-use fipa::{Answer, ConversationError, ConversationEvent, EventKind, Order};
+use fipa::{Answer, ConversationError, ConversationEvent, EventKind, Order, open_letter};
+use fipa_json::sniffed_to_json;
+use tokio::task::JoinHandle;
 
 const BIDDERS: usize = 20;
 /// The bidder that makes its proposal last.
@@ -16,19 +26,21 @@ type Failure = Box<dyn std::error::Error>;
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Failure> {
-    match std::env::args().nth(1) {
+    let mut args = std::env::args().skip(1);
+    match (args.next(), args.next()) {
         // The robot that fails is a process of its own.
-        Some(peer) => robot_that_fails(peer).await,
-        None => call_for_proposals().await,
+        (Some(word), Some(peer)) if word == "--peer" => robot_that_fails(peer).await,
+        (log, _) => call_for_proposals(log).await,
     }
 }
 
-async fn call_for_proposals() -> Result<(), Failure> {
+async fn call_for_proposals(log: Option<String>) -> Result<(), Failure> {
     let robot1 = Platform::builder()
         .name("robot1")
         .mdns(false)
         .start()
         .await?;
+    let log = log.map(|file| logged(&robot1, file));
     let peer = robot1.endpoints()[0].to_string();
     let robot2 = platform("robot2", &peer).await?;
     for number in 0..BIDDERS {
@@ -39,7 +51,11 @@ async fn call_for_proposals() -> Result<(), Failure> {
         };
         serve(home.0, home.1, number).await?;
     }
-    let mut robot3 = Robot3(Command::new(std::env::current_exe()?).arg(&peer).spawn()?);
+    let mut robot3 = Robot3(
+        Command::new(std::env::current_exe()?)
+            .args(["--peer", &peer])
+            .spawn()?,
+    );
     let bidders: Vec<String> = (0..BIDDERS)
         .map(|number| format!("bidder{number:02}@robot{}", number % 3 + 1))
         .collect();
@@ -96,7 +112,25 @@ async fn call_for_proposals() -> Result<(), Failure> {
             Err(error) => println!("{bidder}: {error}"),
         }
     }
+    robot1.shutdown().await;
+    if let Some(log) = log {
+        log.await??;
+    }
     Ok(())
+}
+
+/// Writes what passes a robot into a file, until the robot ends.
+fn logged(robot: &Platform, file: String) -> JoinHandle<std::io::Result<()>> {
+    let mut sniffer = robot.sniff();
+    tokio::task::spawn_blocking(move || {
+        let mut log = std::fs::File::create(file)?;
+        while let Some(sniffed) = sniffer.blocking_next() {
+            for line in sniffed_to_json(&sniffed, open_letter) {
+                writeln!(log, "{line}")?;
+            }
+        }
+        Ok(())
+    })
 }
 
 /// Ends with the program that started it, whatever happens.

@@ -2,7 +2,7 @@
 
 mod support;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use support::namespace::Namespace;
@@ -65,7 +65,11 @@ fn balaro_goes_on_over_the_ice_when_its_control_unit_fails() {
 
 #[test]
 fn the_best_bidder_that_lives_gets_the_contract() {
-    let ended = Process::start(example("contract_net")).wait();
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("letters.jsonl");
+    let mut command = example("contract_net");
+    command.arg(&log);
+    let ended = Process::start(command).wait();
     assert_eq!(ended.code, Some(0), "{ended:?}");
     let lines: Vec<&str> = ended.output.iter().map(String::as_str).collect();
     let of = |part: &str| {
@@ -97,6 +101,33 @@ fn the_best_bidder_that_lives_gets_the_contract() {
         lines.last(),
         Some(&"bidder13@robot2 -> master@robot1: inform the payload is at the dock")
     );
+    // Its sequence chart: all twenty are called, and each is told where it stands.
+    let text = chart(&log, "chart");
+    let title = text.lines().next().unwrap_or_default();
+    assert!(title.ends_with(", fipa-contract-net"), "{text}");
+    let svg = chart(&log, "svg");
+    for drawn in [&text, &svg] {
+        let count = |part: &str| drawn.matches(part).count();
+        assert_eq!(count("cfp (carry the payload to the dock)"), BIDDERS);
+        // The last of robot3 bid before it failed.
+        assert_eq!((count("· called"), count("· proposed")), (1, BIDDERS));
+        assert_eq!((count("· accepted"), count("· done")), (1, 1));
+        assert_eq!(count("violation"), 0, "{drawn}");
+    }
+    assert!(svg.starts_with("<svg "), "{svg}");
+}
+
+const BIDDERS: usize = 20;
+
+/// What `fipa sniff` draws of a log.
+fn chart(log: &Path, format: &str) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fipa"));
+    command
+        .args(["sniff", "--format", format, "--file"])
+        .arg(log);
+    let ended = Process::start(command).wait();
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    ended.output.join("\n")
 }
 
 #[test]

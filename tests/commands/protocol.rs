@@ -248,6 +248,40 @@ fn a_conversation_without_an_end_is_complete_only_if_that_is_not_asked_for() {
 }
 
 #[test]
+fn one_conversation_of_several_is_replayed_alone() {
+    let files = Files::new();
+    let file = files.write("request", DIALECT);
+    let said = "a>b request, b>a agree, b>a inform";
+    let ended = replay(&file, said, &["--conversation-id", "c-1", "--complete"]);
+    assert_eq!((ended.code, ended.output.len()), (Some(0), 3), "{ended:?}");
+    let ended = replay(&file, said, &["--conversation-id", "c-2"]);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert_eq!(
+        ended.only_error(),
+        "fipa protocol: there is no conversation c-2 in -"
+    );
+}
+
+#[test]
+fn a_log_without_a_conversation_of_the_protocol_is_a_no() {
+    let files = Files::new();
+    let file = files.write("request", DIALECT);
+    let log = files.write("log", "{\"event\":\"lost\",\"count\":3}\n");
+    let mut command = tool(&["protocol", "replay", "--messages"]);
+    command.arg(&log).arg(&file);
+    let ended = run(command);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    let log = log.display();
+    assert_eq!(
+        ended.errors,
+        [
+            format!("{log}: 3 letters are missing in it"),
+            format!("fipa protocol: there is no conversation by request in {log}"),
+        ]
+    );
+}
+
+#[test]
 fn input_that_is_no_messages_or_no_protocol_ends_it_with_2() {
     let files = Files::new();
     let file = files.write("request", DIALECT);

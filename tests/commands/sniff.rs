@@ -400,3 +400,174 @@ fn messages_of_text_agents_are_in_the_log() {
     let letter = lines.iter().find(|line| line["event"] == "letter").unwrap();
     assert_eq!(letter["message"]["performative"], "query-ref");
 }
+
+#[test]
+fn packets_of_hiac_devices_are_in_the_log_and_in_charts() {
+    let place = Place::new();
+    let file = place.path("letters.jsonl");
+    let words = "--no-mdns --hiac tcp://127.0.0.1:0?listen --hiac-address 20:C4:D2:00/00:00:00:FF";
+    let more = ["--log-letters", file.to_str().unwrap()];
+    let words: Vec<&str> = words.split(' ').chain(more).collect();
+    let daemon = place.start_with("robot1", &words);
+    let url = daemon.ready["hiac"][0].as_str().unwrap();
+    let url = url.strip_suffix("?listen").unwrap();
+    let drive = Process::start(tool(&["hiac", "device", url, "--name", "drive"]));
+    daemon.wait_for("drive@robot1");
+    let words = "send --to drive@robot1 --from m@robot1 --performative query-ref --content where \
+                 --wait 10";
+    let ended = daemon.run(&words.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    daemon.signal(Signal::TERM);
+    assert_eq!(daemon.into_process().wait().code, Some(0));
+    drop(drive);
+
+    let lines = log(&file, 6);
+    let packets: Vec<&Value> = lines.iter().filter(|l| l["event"] == "hiac").collect();
+    assert_eq!(
+        keys(packets[0]),
+        ["time", "event", "number", "direction", "place", "hiac"]
+    );
+    let place = packets[0]["place"].as_str().unwrap();
+    assert!(place.starts_with("tcp://127.0.0.1:"), "{place}");
+    assert!(packets.iter().all(|l| l["place"] == place), "{packets:?}");
+    // It is called for, agrees, and has its address.
+    let call = (&packets[0]["direction"], &packets[0]["hiac"]["type"]);
+    assert_eq!(call, (&json!("out"), &json!("SYS")));
+    assert_eq!(packets[0]["hiac"]["target"], "20:C4:D2:01");
+    assert_eq!(packets[1]["direction"], "in");
+    assert_eq!(packets[1]["hiac"]["source"], "20:C4:D2:01");
+    let hex: String = b"where"
+        .iter()
+        .map(|octet| format!("{octet:02x}"))
+        .collect();
+    for direction in ["out", "in"] {
+        let said = packets.iter().find(|line| {
+            let data = line["hiac"]["data"].as_str();
+            let is_it = data.is_some_and(|data| data.ends_with(&hex));
+            line["direction"] == direction && line["hiac"]["type"] == "MSG" && is_it
+        });
+        assert!(said.is_some(), "{direction}: {packets:?}");
+    }
+    assert!(packets.iter().all(|l| l["hiac"]["type"] != "ALIVE"));
+
+    let chart = sniff(&file, &["--format", "chart"]);
+    let text = chart.output.join("\n");
+    assert!(text.contains("devices, hiac\n\n"), "{text}");
+    assert!(text.contains(" SYS 20:C4:D2:00>20:C4:D2:01 ("), "{text}");
+}
+
+/// Two requests, of which the second goes on after its end, and a letter without protocol.
+fn recorded(place: &Place) -> std::path::PathBuf {
+    let file = place.path("letters.jsonl");
+    let words = ["--no-mdns", "--log-letters", file.to_str().unwrap()];
+    let daemon = place.start_with("robot1", &words);
+    let _echo = daemon.attach("echo", "echo@robot1");
+    let say = |act: &str, id: &str, wait: &[&str]| {
+        let words = "send --to echo@robot1 --from arm@robot1 --protocol fipa-request --content x";
+        let more = ["--performative", act, "--conversation-id", id];
+        let words: Vec<&str> = words.split(' ').chain(more).collect();
+        let ended = daemon.run(&[&words, wait].concat());
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+    };
+    say("request", "c-good", &["--wait", "10"]);
+    say("request", "c-bad", &["--wait", "10"]);
+    send_to_nobody(&daemon);
+    say("cfp", "c-bad", &[]);
+    log(&file, 6);
+    file
+}
+
+/// What the protocol says of the last message of the second one.
+const ENDED: &str = "cfp of arm@robot1 came after the end in the state done of fipa-request; \
+                     expected: nothing more";
+
+#[test]
+fn a_chart_shows_the_states_of_the_protocol_and_marks_violations() {
+    let place = Place::new();
+    let file = recorded(&place);
+    let chart = sniff(&file, &["--format", "chart"]).output.join("\n");
+    let charts: Vec<&str> = chart.split("\n\nconversation ").collect();
+    for (chart, remarks) in [
+        (charts[0], vec!["· requested", "· done"]),
+        (
+            charts[1],
+            vec!["· requested", "· done", "✗ violation [ended]: "],
+        ),
+        (charts[2], vec!["✗ unknown: "]),
+    ] {
+        let marks = |line: &&str| line.contains("│ ·") || line.contains("│ ✗");
+        let found: Vec<&str> = chart.lines().filter(marks).collect();
+        for (found, wanted) in found.iter().zip(&remarks) {
+            assert!(found.contains(wanted), "{chart}");
+        }
+        assert!(found.len() >= remarks.len(), "{chart}");
+    }
+    assert!(charts[0].ends_with("│"), "{chart}");
+    let svg = sniff(&file, &["--format", "svg"]).output.join("\n");
+    assert!(svg.contains(">· requested</text>"), "{svg}");
+    assert!(svg.contains("<text class=\"bad\""), "{svg}");
+    assert!(svg.contains("✗ violation [ended]: "), "{svg}");
+}
+
+#[test]
+fn a_letter_log_is_replayed_by_the_protocol_of_its_conversations() {
+    let place = Place::new();
+    let file = recorded(&place);
+    let replay = |words: &[&str]| {
+        let protocol = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols/request.scxml");
+        let file = file.to_str().unwrap();
+        run(tool(
+            &[&["protocol", "replay", protocol, "--messages", file], words].concat(),
+        ))
+    };
+    let ended = replay(&["--json"]);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    let said: Vec<(Value, Value, Value)> = ended
+        .json()
+        .into_iter()
+        .map(|l| {
+            (
+                l["conversation-id"].clone(),
+                l["n"].clone(),
+                l["verdict"].clone(),
+            )
+        })
+        .collect();
+    let line = |id: &str, n: u64, verdict: &str| (json!(id), json!(n), json!(verdict));
+    assert_eq!(
+        said,
+        [
+            line("c-good", 1, "accepted"),
+            line("c-good", 2, "accepted"),
+            line("c-bad", 1, "accepted"),
+            line("c-bad", 2, "accepted"),
+            line("c-bad", 3, "violation"),
+        ]
+    );
+    let error = ended.only_error();
+    assert_eq!(
+        error,
+        format!("fipa protocol: conversation c-bad: message 3: {ENDED}")
+    );
+    let ended = replay(&[]);
+    assert_eq!(ended.output[0], "conversation c-good:");
+    assert_eq!(
+        ended.output[2],
+        "2  echo@robot1 -> arm@robot1: inform  done"
+    );
+
+    let one = replay(&["--conversation-id", "c-good", "--complete"]);
+    assert_eq!(one.code, Some(0), "{one:?}");
+    assert_eq!(one.output.len(), 2);
+    // It has no protocol, and is replayed when it is asked for.
+    let other = replay(&["--conversation-id", "c-2"]);
+    assert_eq!(other.code, Some(1), "{other:?}");
+    let error = other.only_error();
+    assert!(error.contains("inform begins no conversation"), "{error}");
+    let none = replay(&["--conversation-id", "c-3"]);
+    assert_eq!(none.code, Some(1), "{none:?}");
+    assert!(
+        none.only_error()
+            .contains("there is no conversation c-3 in ")
+    );
+}

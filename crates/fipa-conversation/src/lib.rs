@@ -47,7 +47,11 @@
 //! With a protocol that asks for the rules `fipa-acl` it behaves as that one does, except that
 //!
 //! * a message that violates the protocol is told as a [`Violation`], not by an exception, and
-//!   changes nothing;
+//!   changes nothing; one that names no known protocol or no conversation is
+//!   [not monitored](Verdict::NotMonitored);
+//! * the encoding is not compared: it may change with every content; in-reply-to, language and
+//!   ontology are where a file asks for that (`fipa:match`);
+//! * a conversation that has ended is forgotten in time, without being removed by hand;
 //! * a final state with transitions does not end the conversation, because what they take would
 //!   then always be refused: it is over when nothing was heard for a while, as done;
 //! * without an announced number of sub-conversations, any number is accepted: who only watches

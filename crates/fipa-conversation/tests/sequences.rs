@@ -190,6 +190,7 @@ impl Scene {
 fn every_conversation_goes_as_it_is_written() {
     let library = library();
     let mut used: Vec<Text> = Vec::new();
+    let mut violated: Vec<Text> = Vec::new();
     for (path, text) in files("sequences") {
         let mut scene = Scene::new(&library);
         let mut played = String::new();
@@ -202,6 +203,11 @@ fn every_conversation_goes_as_it_is_written() {
                 continue;
             }
             if let Some(result) = scene.line(line) {
+                if result.starts_with("! ")
+                    && let Some(protocol) = library.get(&scene.protocol)
+                {
+                    violated.push(protocol.name().clone());
+                }
                 writeln!(played, "    {result}").unwrap();
             }
             if let Some(protocol) = line.strip_prefix("protocol ") {
@@ -211,10 +217,11 @@ fn every_conversation_goes_as_it_is_written() {
         assert!(played == text, "{path} goes like this:\n{played}");
     }
     for protocol in library.protocols() {
-        assert!(
-            used.contains(protocol.name()),
-            "{} is not played",
-            protocol.name()
-        );
+        let name = protocol.name();
+        assert!(used.contains(name), "{name} is not played");
+    }
+    for protocol in Library::builtin().protocols() {
+        let name = protocol.name();
+        assert!(violated.contains(name), "{name} is not violated");
     }
 }

@@ -14,6 +14,7 @@ use hiac::station::StationConfig;
 
 use crate::fleet::{Fleet, FleetEvent};
 use crate::options::Options;
+use crate::packets::Packets;
 
 /// How long devices have to take what is still to be said to them.
 const FAREWELL: Duration = Duration::from_millis(500);
@@ -51,6 +52,7 @@ impl HiacService {
             listens: options.hiac.iter().any(listens),
             ..StationConfig::default()
         });
+        node.set_watcher(Box::new(Packets(platform.clone())));
         let mut bound = Vec::new();
         for endpoint in &options.hiac {
             match node.open(endpoint).await {

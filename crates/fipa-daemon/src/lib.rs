@@ -17,6 +17,7 @@ mod letter_log;
 mod locks;
 mod membership;
 pub mod options;
+mod packets;
 mod run;
 mod text;
 

@@ -13,6 +13,7 @@ use crate::letter::{Body, letter_to_json};
 /// {"time":"…","event":"letter","number":7,"octets":123,"from":"robot2"|null,"via":"tcp"|null,
 ///  "envelope":{…},"message":{…},"outcomes":[{"to":"…","outcome":"…","via":"…","reason":"…"}]}
 /// {"time":"…","event":"text","number":8,"direction":"in"|"out","place":"udp://…","text":{…}}
+/// {"time":"…","event":"hiac","number":9,"direction":"in"|"out","place":"tcp://…","hiac":{…}}
 /// {"time":"…","event":"lost","count":3}
 /// ```
 ///

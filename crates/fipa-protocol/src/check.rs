@@ -7,6 +7,7 @@ use crate::diagnostic::Code;
 use crate::loader::{Parts, Report};
 use crate::pattern::Pattern;
 use crate::protocol::{Party, Protocol, State, StateId, Transition};
+use crate::suggestion::suggestion;
 
 pub(crate) fn check(parts: &Parts, report: &mut Report) {
     let protocol = &parts.protocol;
@@ -17,6 +18,7 @@ pub(crate) fn check(parts: &Parts, report: &mut Report) {
         ambiguous_transitions(protocol, state, report);
     }
     unused_roles(parts, report);
+    misspelt_roles(protocol, report);
 }
 
 fn unreachable_states(protocol: &Protocol, reached: &HashSet<StateId>, report: &mut Report) {
@@ -24,7 +26,8 @@ fn unreachable_states(protocol: &Protocol, reached: &HashSet<StateId>, report: &
         let Some(position) = state.position else {
             continue;
         };
-        if !reached.contains(&id) {
+        // One without an id cannot be named, which is told already.
+        if !reached.contains(&id) && !state.id.is_empty() {
             report.warning(
                 position,
                 Code::UnreachableState,
@@ -169,6 +172,39 @@ fn unused_roles(parts: &Parts, report: &mut Report) {
             );
         }
     }
+}
+
+/// A role of a single transition whose name is almost that of another one.
+fn misspelt_roles(protocol: &Protocol, report: &mut Report) {
+    let states = protocol.states.iter();
+    let own = states.flat_map(|state| state.transitions.iter().filter(|t| !t.inherited));
+    let declared: Vec<&Transition> = own.filter(|t| t.is_declared()).collect();
+    for (at, role) in protocol.roles.iter().enumerate() {
+        let is_it = |party| matches!(party, Party::Role(id) if usize::from(id.0) == at);
+        let mut uses = declared.iter().filter(|t| is_it(t.from) || is_it(t.to));
+        let (Some(only), None) = (uses.next(), uses.next()) else {
+            continue;
+        };
+        let name = role.name.as_str();
+        let others = protocol.roles.iter().map(|other| other.name.as_str());
+        // Roles that are numbered are meant to be alike.
+        let is_other = |other: &&str| *other != name && letters(other) != letters(name);
+        if let (Some(meant), Some(position)) =
+            (suggestion(name, others.filter(is_other)), only.position)
+            && name.chars().count() > 3
+        {
+            report.warning(
+                position,
+                Code::UnusedRole,
+                format!("only this transition is from or to the role {name}"),
+                format!("did you mean {meant}?"),
+            );
+        }
+    }
+}
+
+fn letters(name: &str) -> String {
+    name.chars().filter(|letter| !letter.is_numeric()).collect()
 }
 
 /// The states that messages or time-outs lead to, this one included.

@@ -41,7 +41,8 @@
 //!
 //! Of several transitions that take a message, the first one is taken. `cond` is not evaluated. What
 //! else SCXML has (`datamodel`, `onentry`, `invoke`, …) and what stands in other namespaces is
-//! ignored; `parallel` and `history` are errors. An unknown element without a prefix is a warning.
+//! ignored; `parallel` and `history` are errors. An unknown element without a prefix is a warning, and so
+//! is an attribute that is like a known one, or one of ours without its prefix.
 //!
 //! # Default transitions
 //!

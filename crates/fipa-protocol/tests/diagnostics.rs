@@ -208,6 +208,15 @@ fn elements_and_attributes_that_are_not_of_the_schema() {
             r#"<state id="1" initial="1"><final id="2"/></state>"#,
             "1:8: error [syntax]: entering this state never ends; ",
         ),
+        (
+            r#"<state id="1"><transition event="inform" tagret="2"/></state><final id="2"/>"#,
+            "2:42: warning [syntax]: tagret is no attribute of <transition>; did you mean target? It is ignored",
+        ),
+        (
+            r#"<final id="1" outcome="done"/>"#,
+            "2:15: warning [syntax]: outcome is no attribute of <final>; write fipa:outcome, with \
+             xmlns:fipa=\"urn:x-fipa:protocol:1\"; it is ignored",
+        ),
         ("", "1:1: error [syntax]: <scxml> holds no state; "),
     ] {
         let found = diagnostics(states);
@@ -216,6 +225,36 @@ fn elements_and_attributes_that_are_not_of_the_schema() {
             "{states}: {found:#?}"
         );
     }
+}
+
+#[test]
+fn a_role_that_is_almost_another_one() {
+    let wrong = r#"<state id="2"><transition performative="agree" from="partner" to="initiator" target="3"/></state>
+<state id="3"><transition performative="inform" from="partner" to="initator" target="4"/></state><final id="4"/>"#;
+    let open = r#"<state id="1"><transition performative="request" from="initiator" to="partner" target="2"/></state>"#;
+    assert_eq!(
+        diagnostics(&format!("{open}\n{wrong}")),
+        [
+            "4:15: warning [unused-role]: only this transition is from or to the role initator; did you mean initiator?"
+        ]
+    );
+    let numbered = wrong.replace("initator", "partner2");
+    assert_eq!(diagnostics(&format!("{open}\n{numbered}")), [""; 0]);
+}
+
+#[test]
+fn states_that_stand_side_by_side_are_refused_once() {
+    let parallel = r#"<parallel id="p"><state id="1"><transition event="request" target="2"/></state></parallel>
+<state id="2"><history id="h"><transition target="1"/></history><transition event="inform" target="3"/></state><final id="3"/>"#;
+    assert_eq!(
+        diagnostics(parallel),
+        [
+            "2:1: error [syntax]: <parallel> has no meaning in a conversation; use states one after the \
+             other; each participant has its own",
+            "3:15: error [syntax]: <history> has no meaning in a conversation; use states one after the \
+             other; each participant has its own",
+        ]
+    );
 }
 
 #[test]

@@ -199,3 +199,14 @@ fn graphviz_and_mermaid_are_told_the_same() {
 "#
     );
 }
+
+#[test]
+fn an_act_that_a_state_and_the_outer_one_take_is_drawn_once() {
+    let text = r#"<scxml name="n"><state id="a"><transition event="cfp" target="in"/></state>
+      <state id="out"><transition event="propose refuse" target="in"/>
+        <state id="in"><transition event="propose" target="in"/><transition event="inform" target="z"/></state>
+      </state><final id="z"/></scxml>"#;
+    let loaded = load("n", text.as_bytes(), &Limits::default()).unwrap();
+    let drawn = mermaid(&loaded.protocol.unwrap());
+    assert!(drawn.contains(" : propose or refuse<br/>"), "{drawn}");
+}

@@ -284,6 +284,14 @@ impl Platform {
         Sniffer::new(&self.inner)
     }
 
+    /// Whether somebody watches what passes. An attached platform does not know, and says no.
+    pub fn is_watched(&self) -> bool {
+        match &self.inner.backend {
+            Backend::Service(node) => node.with(|_, mts, _| mts.is_watched()),
+            Backend::Program(_) => false,
+        }
+    }
+
     /// Shows a message between this platform and a device of its robot to those who watch. It is
     /// not asked for while nobody does. An attached platform has no devices, and shows nothing.
     pub fn passed_inside(&self, message: impl FnOnce() -> Inside) {

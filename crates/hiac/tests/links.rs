@@ -1,11 +1,12 @@
 //! Stations on loopback and on a pseudo terminal.
 
 use std::io::{Read, Write};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use hiac::links::{Endpoint, Node, NodeEvent};
+use hiac::links::{Endpoint, Node, NodeEvent, Watcher};
 use hiac::station::{Event, Options, Role, StationConfig, Workgroup};
-use hiac::{Content, Mask};
+use hiac::{Content, Mask, Packet, PacketType, edcp};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -85,6 +86,66 @@ async fn an_employer_that_listens_and_a_device_that_dials_talk_and_meet_again() 
         ));
         employer.open(&bound).await.expect("the port is free again");
     }
+}
+
+/// What passed, while that is wanted.
+#[derive(Clone, Debug, Default)]
+struct Watch(Arc<Mutex<(bool, Vec<Shown>)>>);
+
+type Shown = (bool, String, PacketType, Option<Mask>);
+
+impl Watcher for Watch {
+    fn is_watching(&self) -> bool {
+        self.0.lock().unwrap().0
+    }
+
+    fn passed(&mut self, incoming: bool, place: &str, packet: edcp::Event<'_>, mask: Option<Mask>) {
+        if let edcp::Event::Packet(octets) = packet {
+            let kind = Packet::decode(octets, mask).unwrap().kind;
+            let shown = (incoming, place.to_owned(), kind, mask);
+            self.0.lock().unwrap().1.push(shown);
+        }
+    }
+}
+
+#[tokio::test]
+async fn who_watches_is_shown_both_directions_and_only_while_it_wants() {
+    let mut employer = Node::new(employer());
+    let watch = Watch::default();
+    employer.set_watcher(Box::new(watch.clone()));
+    let listen: Endpoint = "tcp://127.0.0.1:0?listen".parse().unwrap();
+    let bound = employer.open(&listen).await.unwrap().unwrap();
+    let dial = bound.to_string().replace("?listen", "?role=employee");
+    let mut device = Node::new(StationConfig::default());
+    device
+        .open(&dial.parse::<Endpoint>().unwrap())
+        .await
+        .unwrap();
+    let (connected, _) = tokio::join!(event(&mut employer), event(&mut device));
+    let Event::Connected { partner, .. } = connected else {
+        panic!("{connected:?}");
+    };
+    assert_eq!(watch.0.lock().unwrap().1, []);
+    watch.0.lock().unwrap().0 = true;
+    let signal = Content::Signal {
+        number: 3,
+        arguments: &[0xF9],
+    };
+    let now = employer.now();
+    let sent = employer
+        .station()
+        .send(now, None, partner, &signal, Options::CONFIRMED);
+    let ticket = sent.unwrap();
+    let both = async { while event(&mut employer).await != Event::Confirmed(ticket) {} };
+    tokio::join!(event(&mut device), both);
+    let shown = std::mem::take(&mut watch.0.lock().unwrap().1);
+    let [out, back] = &shown[..] else {
+        panic!("{shown:?}");
+    };
+    assert_eq!((out.0, out.2), (false, PacketType::SIG));
+    assert_eq!((back.0, back.2), (true, PacketType::SYS));
+    assert_eq!((&out.1, out.3), (&back.1, Mask::new(0xFF).ok()));
+    assert!(out.1.starts_with("tcp://127.0.0.1:"), "{}", out.1);
 }
 
 #[tokio::test]

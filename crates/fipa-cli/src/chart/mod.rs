@@ -67,7 +67,7 @@ impl Chart {
         names
     }
 
-    fn arrows(&self) -> impl Iterator<Item = &Arrow> {
+    pub(crate) fn arrows(&self) -> impl Iterator<Item = &Arrow> {
         self.steps.iter().filter_map(|step| match step {
             Step::Arrow(arrow) => Some(arrow),
             Step::Note(_) => None,
@@ -77,7 +77,7 @@ impl Chart {
 
 impl Arrow {
     /// Whether it did not arrive or is against the rules.
-    fn is_bad(&self) -> bool {
+    pub(crate) fn is_bad(&self) -> bool {
         self.failure.is_some() || self.annotation.as_ref().is_some_and(|a| a.violation)
     }
 

@@ -68,25 +68,22 @@ struct Show {
 
 impl Show {
     fn take(&mut self, line: &Value, entry: Entry) -> Result<(), Failure> {
-        if self
-            .agent
-            .as_ref()
-            .is_some_and(|agent| !entry.concerns(agent))
-        {
-            return Ok(());
-        }
+        let is_wanted = |agent: &Pattern| entry.concerns(agent);
+        let is_wanted = self.agent.as_ref().is_none_or(is_wanted);
         match self.format {
-            _ if self.json => print_json(line),
-            Format::Lines => lines(&entry).into_iter().try_for_each(print_line),
+            _ if self.json && is_wanted => print_json(line),
+            Format::Lines if is_wanted => lines(&entry).into_iter().try_for_each(print_line),
+            // All of a conversation is needed to judge what is drawn of it.
             Format::Chart | Format::Svg => {
-                self.kept.push(entry);
+                self.kept.push(entry.with_message(line));
                 Ok(())
             }
+            Format::Lines => Ok(()),
         }
     }
 
     fn finish(&mut self) -> Result<(), Failure> {
-        let charts = charts(std::mem::take(&mut self.kept));
+        let charts = charts(std::mem::take(&mut self.kept), self.agent.as_ref());
         let drawn = match self.format {
             Format::Svg => to_svg(&charts),
             _ => charts.iter().map(to_text).collect::<Vec<_>>().join("\n"),

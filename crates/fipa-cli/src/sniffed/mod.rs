@@ -1,15 +1,25 @@
 //! What passed a daemon, as people are shown it.
 //!
-//! **Knows** the lines of a letter log. **Never knows** where they come from: a daemon or a file.
+//! **Knows** the lines of a letter log, and what the protocols of conversations say of them.
+//! **Never knows** where they come from: a daemon or a file.
 
 mod charts;
 mod lines;
 
-use fipa::Pattern;
+use std::time::Duration;
+
+use fipa::{FipaTime, Message, Pattern};
+use fipa_directory::Now;
+use fipa_json::message_from_json;
 use serde_json::Value;
 
 pub(crate) use charts::charts;
 pub(crate) use lines::lines;
+
+use crate::chart::shortened;
+
+/// Letters of a content that are kept for a chart.
+const KEPT: usize = 64;
 
 /// A line of a letter log.
 #[derive(Clone, Debug)]
@@ -39,6 +49,8 @@ struct Letter {
     conversation: Option<String>,
     content: String,
     octets: Option<u64>,
+    /// Without its content; only what is to be judged has one.
+    message: Option<Box<Message>>,
 }
 
 #[derive(Clone, Debug)]
@@ -56,6 +68,8 @@ struct Inside {
     place: String,
     from: String,
     to: String,
+    /// Whether it says itself from whom to whom it is.
+    is_addressed: bool,
     /// The key of what it says, or its type.
     kind: String,
     text: String,
@@ -76,6 +90,22 @@ impl Entry {
             number: line.get("number").and_then(Value::as_u64).unwrap_or(0),
             what,
         })
+    }
+
+    /// With its message, which can be judged then. A message that is none is not judged.
+    pub(crate) fn with_message(mut self, line: &Value) -> Entry {
+        if let (What::Letter(letter), Some(message)) = (&mut self.what, line.get("message")) {
+            let message = message_from_json(message).ok();
+            letter.message = message.map(|message| {
+                Box::new(Message {
+                    content: None,
+                    ..message
+                })
+            });
+            // Many may be kept, and no more than this is drawn.
+            letter.content = shortened(&letter.content, KEPT);
+        }
+        self
     }
 
     /// Whether an agent of such a name has to do with it. What is lost may have been for any.
@@ -114,7 +144,25 @@ fn letter(line: &Value) -> Result<Letter, String> {
         conversation: of_message("conversation-id"),
         content: message.map_or_else(String::new, content),
         octets: line.get("octets").and_then(Value::as_u64),
+        message: None,
     })
+}
+
+/// Since 1970-01-01T00:00:00Z.
+fn unix_millis(time: &str) -> Option<i64> {
+    match time.parse() {
+        Ok(FipaTime::Absolute { unix_millis, .. }) => Some(unix_millis),
+        _ => None,
+    }
+}
+
+/// The time of a line, by which deadlines are judged. Where there is none, nothing is late.
+pub(crate) fn now(time: &str) -> Now {
+    let unix_millis = unix_millis(time).unwrap_or(0);
+    Now {
+        mono: Duration::from_millis(unix_millis.try_into().unwrap_or(0)),
+        unix_millis,
+    }
 }
 
 /// Those who were found, else those who were meant.
@@ -174,15 +222,21 @@ fn inside(line: &Value, protocol: &str) -> Result<Inside, String> {
     let (kind, said) = match kind {
         // A packet is called what its type is, and says its data.
         Some(&"type") => (said.unwrap_or_else(unknown), text(form, "data")),
+        // One that cannot be read is called what is wrong with it, and says its octets.
+        Some(&"error") if protocol == "hiac" => {
+            (said.unwrap_or_else(unknown), text(form, "octets"))
+        }
         Some(kind) => ((*kind).to_owned(), said),
         None => (unknown(), None),
     };
+    let (origin, destination) = (either("origin", "source"), either("destination", "target"));
     Ok(Inside {
         protocol: protocol.to_owned(),
         direction,
         place,
-        from: either("origin", "source").unwrap_or(from),
-        to: either("destination", "target").unwrap_or(to),
+        is_addressed: origin.is_some() && destination.is_some(),
+        from: origin.unwrap_or(from),
+        to: destination.unwrap_or(to),
         kind,
         text: said.unwrap_or_default(),
     })

@@ -92,6 +92,8 @@ fn party(protocol: &Protocol, party: Party) -> &str {
     }
 }
 
+const OR: &str = " or ";
+
 /// Adds to the arrow between two states, and to what is said between the same two there.
 fn add(edges: &mut Vec<Edge>, (from, to): (usize, usize), acts: &str, parties: String) {
     let known = edges
@@ -113,8 +115,13 @@ fn add(edges: &mut Vec<Edge>, (from, to): (usize, usize), acts: &str, parties: S
     };
     match says.iter_mut().find(|saying| saying.parties == parties) {
         Some(saying) => {
-            saying.acts.push_str(" or ");
-            saying.acts.push_str(acts);
+            // A state within another one may take itself what the outer one takes as well.
+            let said = saying.acts.clone();
+            let is_new = |act: &&str| said.split(OR).all(|known| known != *act);
+            for act in acts.split(OR).filter(is_new) {
+                saying.acts.push_str(OR);
+                saying.acts.push_str(act);
+            }
         }
         None => says.push(Saying {
             acts: acts.to_owned(),

@@ -1,7 +1,8 @@
 use super::{Loader, is_ours_to_read};
+use crate::NAMESPACE;
 use crate::diagnostic::{Code, LoadError, Position};
 use crate::suggestion::suggestion;
-use crate::xml::{Attribute, Element};
+use crate::xml::{Attribute, Element, Space};
 
 /// The states as they are nested in the file, in its order.
 pub(super) struct Tree<'a> {
@@ -28,6 +29,26 @@ const IRRELEVANT: [&str; 19] = [
     "assign", "if", "else", "elseif", "foreach", "finalize", "content", "param",
 ];
 
+/// Attributes that are known; those of SCXML without a meaning here are, so that nobody takes them
+/// for misspelt.
+#[rustfmt::skip]
+const OUTERMOST: [&str; 10] = [
+    "initial", "name", "version", "datamodel", "binding", "exmode", "aliases", "rules", "states", "match",
+];
+const STATE: [&str; 6] = ["id", "final", "initial", "outcome", "timeout", "on-timeout"];
+#[rustfmt::skip]
+const TRANSITION: [&str; 8] = [
+    "performative", "event", "from", "to", "target", "cond", "type", "protocol",
+];
+#[rustfmt::skip]
+const SUBPROTOCOL: [&str; 6] = ["name", "file", "from", "proxied_to", "multiple", "awaited"];
+
+/// Those that mean something with our prefix only.
+#[rustfmt::skip]
+const PREFIXED: [&str; 8] = [
+    "aliases", "rules", "states", "match", "outcome", "timeout", "on-timeout", "protocol",
+];
+
 const KNOWN: [&str; 6] = [
     "state",
     "final",
@@ -48,6 +69,7 @@ impl Loader<'_> {
         // here is recursive; the order of the file is kept by position.
         let mut waiting: Vec<(&'a Element, Option<usize>)> = vec![(root, None)];
         while let Some((parent, at)) = waiting.pop() {
+            self.misspelt(parent);
             for child in parent
                 .children
                 .iter()
@@ -61,18 +83,30 @@ impl Loader<'_> {
                     "role" => tree.roles.push(child),
                     "initial" => self.initial(&mut tree, child, at),
                     "transition" => match at.and_then(|at| tree.states.get_mut(at)) {
-                        Some(state) => state.transitions.push(child),
+                        Some(state) => {
+                            state.transitions.push(child);
+                            self.misspelt(child);
+                        }
                         None => self.misplaced(child),
                     },
                     "subprotocol" => match at.and_then(|at| tree.states.get_mut(at)) {
-                        Some(state) => state.subprotocols.push(child),
+                        Some(state) => {
+                            state.subprotocols.push(child);
+                            self.misspelt(child);
+                        }
                         None => self.misplaced(child),
                     },
-                    "parallel" | "history" => self.report.syntax(
-                        child.position,
-                        format!("<{}> has no meaning in a conversation", child.name),
-                        "use states one after the other; each participant has its own",
-                    ),
+                    name @ ("parallel" | "history") => {
+                        self.report.syntax(
+                            child.position,
+                            format!("<{name}> has no meaning in a conversation"),
+                            "use states one after the other; each participant has its own",
+                        );
+                        if name == "parallel" {
+                            // Its states are there for those who name them.
+                            waiting.push((child, at));
+                        }
+                    }
                     name if IRRELEVANT.contains(&name) => {}
                     name => self.unknown(child.position, name),
                 }
@@ -148,6 +182,35 @@ impl Loader<'_> {
         };
         if let Some(initial) = initial {
             *initial = initial.or(target);
+        }
+    }
+
+    /// Attributes that are like one that would mean something there.
+    fn misspelt(&mut self, element: &Element) {
+        let known = match element.name.as_str() {
+            "state" | "final" => &STATE[..],
+            "transition" => &TRANSITION,
+            "subprotocol" => &SUBPROTOCOL,
+            "parallel" => &[],
+            _ => &OUTERMOST,
+        };
+        for attribute in &element.attributes {
+            let name = attribute.name.as_str();
+            let advice = match (attribute.space, known.contains(&name)) {
+                (Space::Scxml, true) if PREFIXED.contains(&name) => {
+                    format!("write fipa:{name}, with xmlns:fipa={NAMESPACE:?}; it is ignored")
+                }
+                (Space::Scxml | Space::Ours, false) => {
+                    match suggestion(name, known.iter().copied()) {
+                        Some(meant) => format!("did you mean {meant}? It is ignored"),
+                        None => continue,
+                    }
+                }
+                _ => continue,
+            };
+            let message = format!("{name} is no attribute of <{}>", element.name);
+            self.report
+                .warning(attribute.position, Code::Syntax, message, advice);
         }
     }
 

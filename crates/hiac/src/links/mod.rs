@@ -6,7 +6,9 @@
 mod endpoint;
 #[cfg(feature = "tls")]
 mod tls;
+mod watch;
 
+use std::boxed::Box;
 use std::collections::HashMap;
 use std::io;
 use std::string::{String, ToString};
@@ -22,6 +24,8 @@ use tokio::task::JoinSet;
 use tokio_serial::SerialPortBuilderExt;
 
 pub use self::endpoint::{Endpoint, EndpointError, Place, TlsFiles};
+use self::watch::Heard;
+pub use self::watch::Watcher;
 use crate::Station;
 use crate::station::{Event, LinkConfig, LinkId, Role, StationConfig};
 
@@ -56,10 +60,14 @@ pub struct Node {
     streams: HashMap<LinkId, Stream>,
     tasks: JoinSet<()>,
     began: Instant,
+    watcher: Option<Box<dyn Watcher>>,
 }
 
 #[derive(Debug)]
 struct Stream {
+    /// Where its other end is.
+    place: String,
+    heard: Heard,
     writer: mpsc::Sender<Vec<u8>>,
     /// It ends once nothing is left to write.
     closing: bool,
@@ -122,7 +130,13 @@ impl Node {
             streams: HashMap::new(),
             tasks: JoinSet::new(),
             began: Instant::now(),
+            watcher: None,
         }
+    }
+
+    /// Has the packets shown to somebody as they pass.
+    pub fn set_watcher(&mut self, watcher: Box<dyn Watcher>) {
+        self.watcher = Some(watcher);
     }
 
     /// Opens an endpoint, and for one that listens says where it is bound.
@@ -206,6 +220,10 @@ impl Node {
     fn write(&mut self) {
         for (id, stream) in &self.streams {
             if let Some(octets) = self.station.poll_transmit(*id) {
+                if let Some(watcher) = &mut self.watcher {
+                    let mask = self.station.mask(*id);
+                    Heard::default().show(&mut **watcher, false, &stream.place, mask, &octets);
+                }
                 // There is room: the last was written, or the stream is ending.
                 let _ = stream.writer.try_send(octets);
             }
@@ -259,6 +277,13 @@ impl Node {
                 Some(NodeEvent::Opened(id))
             }
             LinkEvent::Received(id, octets) => {
+                if let (Some(watcher), Some(stream)) =
+                    (&mut self.watcher, self.streams.get_mut(&id))
+                {
+                    let mask = self.station.mask(id);
+                    let heard = &mut stream.heard;
+                    heard.show(&mut **watcher, true, &stream.place, mask, &octets);
+                }
                 self.station.received(now, id, &octets);
                 None
             }
@@ -317,8 +342,8 @@ impl Shared {
                     let path = path.to_string_lossy();
                     match tokio_serial::new(path, *baud).open_native_async() {
                         Ok(line) => {
-                            let link = endpoint.link();
-                            self.serve(line, link, Arc::clone(&lasting)).await;
+                            let (link, place) = (endpoint.link(), endpoint.to_string());
+                            self.serve(line, place, link, Arc::clone(&lasting)).await;
                             Ok(())
                         }
                         Err(error) => Err(error.into()),
@@ -353,12 +378,27 @@ impl Shared {
         // Small packets that wait for their confirmations. A stream that refuses works all the same.
         let _ = stream.set_nodelay(true);
         let link = endpoint.link();
+        let scheme = match cover {
+            Cover::Plain => "tcp",
+            #[cfg(feature = "tls")]
+            Cover::Dials(_) | Cover::Listens(_) => "tls",
+        };
+        let place = match stream.peer_addr() {
+            Ok(peer) => std::format!("{scheme}://{peer}"),
+            Err(_) => String::new(),
+        };
         match cover {
-            Cover::Plain => self.serve(stream, link, lasting).await,
+            Cover::Plain => self.serve(stream, place, link, lasting).await,
             #[cfg(feature = "tls")]
-            Cover::Dials(tls) => self.serve(tls.connect(stream).await?, link, lasting).await,
+            Cover::Dials(tls) => {
+                let stream = tls.connect(stream).await?;
+                self.serve(stream, place, link, lasting).await;
+            }
             #[cfg(feature = "tls")]
-            Cover::Listens(tls) => self.serve(tls.accept(stream).await?, link, lasting).await,
+            Cover::Listens(tls) => {
+                let stream = tls.accept(stream).await?;
+                self.serve(stream, place, link, lasting).await;
+            }
         }
         Ok(())
     }
@@ -367,6 +407,7 @@ impl Shared {
     async fn serve(
         &self,
         stream: impl AsyncRead + AsyncWrite + Unpin,
+        place: String,
         config: LinkConfig,
         lasting: Arc<AtomicBool>,
     ) {
@@ -374,6 +415,8 @@ impl Shared {
         let (writer, to_write) = mpsc::channel(1);
         let (stop, stopped) = oneshot::channel();
         let handle = Stream {
+            place,
+            heard: Heard::default(),
             writer,
             closing: false,
             _stop: stop,

@@ -45,7 +45,7 @@ pub use self::types::{
 };
 use crate::content::SemaphoreOperation;
 use crate::edcp::{self, Counters};
-use crate::{Address, Growing};
+use crate::{Address, Growing, Mask};
 
 /// What is to happen when something was written, confirmed or has failed.
 #[derive(Clone, Debug)]
@@ -197,6 +197,11 @@ impl Station {
     pub fn partner(&self, link: LinkId) -> Option<Address> {
         let link = self.links.get(&link).filter(|link| link.is_connected())?;
         Some(link.peer)
+    }
+
+    /// The mask of the subnetwork of a link, once it has one.
+    pub fn mask(&self, link: LinkId) -> Option<Mask> {
+        self.links.get(&link)?.mask
     }
 
     /// Whether a station has its employer.

@@ -2,6 +2,7 @@
 
 mod check;
 mod draw;
+mod recorded;
 mod replay;
 
 use std::path::Path;
