@@ -320,38 +320,48 @@ fn read_request(reader: &mut impl BufRead) -> Option<(Vec<u8>, Vec<u8>)> {
     assert_eq!(method, "POST");
     assert!(target.starts_with("http://127.0.0.1:"), "{target}");
     assert!(version.starts_with("HTTP/1."), "{version}");
-    let mut boundary = None;
+    let mut fields = Vec::new();
     loop {
         let field = read_line(reader)?;
         if field.is_empty() {
             break;
         }
         let (name, value) = field.split_once(": ").expect("a field without a blank");
-        assert_ne!(name, "Transfer-Encoding");
-        assert_ne!(name, "Expect");
-        if name == "Content-Type" {
-            assert!(value.starts_with("multipart/mixed"), "{value}");
-            let quoted = value
-                .split("boundary=\"")
-                .nth(1)
-                .expect("no boundary in quotes");
-            boundary = Some(quoted.split('"').next().unwrap().to_owned());
+        fields.push((name.to_owned(), value.to_owned()));
+    }
+    let names: Vec<&str> = fields.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, FIELDS);
+    let value = |name: &str| &fields.iter().find(|(n, _)| n == name).unwrap().1;
+    assert!(
+        target.contains(&format!("//{}/", value("Host"))),
+        "{target}"
+    );
+    let boundary = value("Content-Type").strip_prefix("multipart/mixed ; boundary=\"");
+    let boundary = boundary.and_then(|quoted| quoted.strip_suffix('"'));
+    let delimiter = format!("--{}", boundary.expect("no boundary in quotes"));
+    let mut preamble = 0;
+    loop {
+        let line = read_line(reader)?;
+        preamble += line.len() + 2;
+        if line == delimiter {
+            break;
         }
     }
-    let delimiter = format!("--{}", boundary.expect("no boundary"));
-    while read_line(reader)? != delimiter {}
     assert_eq!(read_line(reader)?, "Content-Type: application/xml");
     assert_eq!(read_line(reader)?, "");
     // Line ends within the envelope are dropped.
-    let mut envelope = Vec::new();
+    let (mut envelope, mut head) = (Vec::new(), 0);
     loop {
         let line = read_line(reader)?;
+        head += line.len() + 2;
         if line == delimiter {
             break;
         }
         envelope.extend_from_slice(line.as_bytes());
     }
-    assert!(read_line(reader)?.starts_with("Content-Type: "));
+    // The only field: whatever stood behind it would be part of the payload.
+    let kind = read_line(reader)?;
+    assert!(kind.starts_with("Content-Type: "), "{kind}");
     assert_eq!(read_line(reader)?, "");
     let end = format!("\r\n{delimiter}--");
     let mut payload = Vec::new();
@@ -360,11 +370,26 @@ fn read_request(reader: &mut impl BufRead) -> Option<(Vec<u8>, Vec<u8>)> {
         reader.read_exact(&mut octet).ok()?;
         payload.push(octet[0]);
     }
+    let counted = preamble + "Content-Type: application/xml\r\n\r\n".len() + head;
+    let counted = counted + kind.len() + 4 + payload.len() + 2;
+    assert_eq!(value("Content-Length"), &counted.to_string());
     payload.truncate(payload.len() - end.len());
+    // What a payload begins with that is no message would be eaten.
+    assert!(!payload.starts_with(b"\r") && !payload.starts_with(b"\n"));
     assert_ne!(payload.last(), Some(&b'\r'), "its end would not be seen");
     assert_eq!(read_line(reader)?, "");
     Some((envelope, payload))
 }
+
+/// The fields of a request of its own kind, in their order.
+const FIELDS: [&str; 6] = [
+    "Cache-Control",
+    "Mime-Version",
+    "Host",
+    "Content-Type",
+    "Content-Length",
+    "Connection",
+];
 
 /// A line that ends in CR and LF.
 fn read_line(reader: &mut impl BufRead) -> Option<String> {

@@ -7,4 +7,5 @@ mod agents;
 mod fake;
 mod load;
 mod recordings;
+mod replay;
 mod tools;

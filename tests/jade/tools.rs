@@ -124,6 +124,59 @@ fn python_posts_letters_over_one_connection() {
     }
 }
 
+/// Posts badly: without a boundary, with PUT, with a length that is too small; and at the same time
+/// with one that is too large, and one octet a second.
+const BAD: &str = r#"
+import http.client, select, socket, sys, threading
+host, port = sys.argv[1].split('/')[2].split(':')
+body = sys.argv[2].encode()
+mixed = {'Content-Type': 'multipart/mixed; boundary="B"'}
+def status(answer):
+    return answer.split(b' ')[1].decode() if answer else 'closed'
+def ask(method, headers):
+    connection = http.client.HTTPConnection(host, int(port))
+    connection.request(method, '/acc', body, headers)
+    return str(connection.getresponse().status)
+def slowly(length, first, said):
+    stream = socket.create_connection((host, int(port)))
+    head = 'POST /acc HTTP/1.1\r\nHost: h\r\nContent-Type: multipart/mixed; boundary="B"\r\n'
+    stream.sendall((head + 'Content-Length: %d\r\n\r\n' % length).encode() + body[:first])
+    for octet in body[first:] + bytes(60):
+        if select.select([stream], [], [], 1)[0]:
+            break
+        if first < len(body):
+            stream.sendall(bytes([octet]))
+    said.append(status(stream.recv(1000)))
+slow, long = [], []
+threads = [threading.Thread(target=slowly, args=args) for args in
+    [(len(body), 1, slow), (len(body) + 10, len(body), long)]]
+for thread in threads: thread.start()
+print(ask('POST', {'Content-Type': 'multipart/mixed'}), ask('PUT', mixed),
+    ask('POST', dict(mixed, **{'Content-Length': '20'})))
+for thread in threads: thread.join()
+print(*slow, *long)
+"#;
+
+#[test]
+fn bad_letters_from_python_get_the_status_of_their_faults_and_nothing_leaks() {
+    let place = Place::new();
+    let daemon = place.start_with("robot1", &HTTP);
+    let open = || {
+        let folder = format!("/proc/{}/fd", daemon.id());
+        std::fs::read_dir(folder).unwrap().count()
+    };
+    let before = open();
+    let Some(said) = output("python3", &["-c", BAD, &http_of(&daemon), BODY]) else {
+        return skipped("python3");
+    };
+    assert_eq!(said, "400 405 400\n408 408\n");
+    let begun = std::time::Instant::now();
+    while open() > before {
+        assert!(begun.elapsed() < PATIENCE, "connections are left open");
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+}
+
 #[test]
 fn the_agents_of_jade_are_listed_and_reached_by_patterns_until_it_is_gone() {
     let (place, jade) = (Place::new(), Jade::start("platA"));
@@ -229,6 +282,32 @@ fn a_platform_is_added_and_its_management_asked_by_commands() {
     assert_eq!(nobody.code, Some(1), "{nobody:?}");
     let wrong = daemon.run(&["platform", "add", "tcp://127.0.0.1:1"]);
     assert_eq!(wrong.code, Some(2), "{wrong:?}");
+}
+
+#[test]
+fn a_df_registers_with_another_one_whose_searches_then_come_to_it() {
+    let place = Place::new();
+    let parent = place.start_with("robot1", &HTTP);
+    let child = place.start_with("robot2", &HTTP);
+    let _drive = child.attach("echo", "drive@robot2");
+    let url = format!("{}#robot1", http_of(&parent));
+    assert_eq!(child.run(&["platform", "add", &url]).code, Some(0));
+    let federated = child.run(&["df", "federate", "df@robot1"]);
+    assert_eq!(federated.code, Some(0), "{federated:?}");
+    let found = parent
+        .run(&["df", "search", "--service-type", "fipa-df", "--json"])
+        .only_json();
+    assert_eq!(found["name"]["name"], "df@robot2");
+    assert_eq!(found["name"]["addresses"][0], http_of(&child));
+    let search = ["df", "search", "--service-name", "drive", "--json"];
+    assert_eq!(parent.run(&search).code, Some(1));
+    let deep = [&search[..], &["--depth", "1"]].concat();
+    let found = parent.run(&deep).only_json();
+    assert_eq!(found["name"]["name"], "drive@robot2");
+    assert_eq!(found["name"]["addresses"][0], http_of(&child));
+    let left = child.run(&["df", "federate", "df@robot1", "--leave"]);
+    assert_eq!(left.code, Some(0), "{left:?}");
+    assert_eq!(parent.run(&deep).code, Some(1));
 }
 
 #[test]

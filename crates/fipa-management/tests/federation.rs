@@ -50,12 +50,20 @@ impl Net {
 
     /// Makes the second DF search at the first as well.
     fn federate(&mut self, child: &str, parent: &str) {
-        let now = self.now;
-        let (df, town) = self.dfs.get_mut(child).unwrap();
-        df.federate(now, &AgentId::new(parent), town);
+        let request = client::df_federate_request(&child.into(), &parent.into());
+        self.ask_own(child, request);
+        assert_eq!(self.federations.pop(), Some((parent.into(), Ok(()))));
+        let answer = self.answers.pop().unwrap();
+        assert_eq!(client::done(&answer), Ok(()));
+    }
+
+    /// An agent of its own platform asks a DF.
+    fn ask_own(&mut self, df: &str, request: Message) {
+        let request = request.from_agent(CLIENT).reply_with("r");
+        let (df, town) = self.dfs.get_mut(df).unwrap();
+        df.handle(self.now, Origin::Local, &request, town);
         self.collect();
         self.run();
-        assert_eq!(self.federations.pop(), Some((parent.into(), Ok(()))));
     }
 
     fn offer(&mut self, agent: &str, at: &str) {
@@ -309,10 +317,8 @@ fn a_child_registers_leaves_and_is_told_how_it_went() {
     net.federate("df@robot2", "df@robot1");
     assert_eq!(net.dfs["df@robot1"].0.len(), 1);
     let leave = |net: &mut Net| {
-        let (df, _) = net.dfs.get_mut("df@robot2").unwrap();
-        df.leave(net.now, &parent);
-        net.collect();
-        net.run();
+        let request = client::df_leave_request(&"df@robot2".into(), &parent);
+        net.ask_own("df@robot2", request);
     };
     leave(&mut net);
     assert_eq!(net.federations.pop(), Some((parent.name.clone(), Ok(()))));
@@ -322,9 +328,40 @@ fn a_child_registers_leaves_and_is_told_how_it_went() {
         net.federations.pop(),
         Some((parent.name.clone(), Err(Reason::NotRegistered)))
     );
+    let told = net.answers.pop().unwrap();
+    let reason = client::AnswerError::Failed(Reason::NotRegistered);
+    assert_eq!(client::done(&told), Err(reason));
     net.deaf = vec!["df@robot1"];
     leave(&mut net);
     net.wait();
     let (_, result) = net.federations.pop().unwrap();
     assert_eq!(result.unwrap_err().to_string(), "it did not answer in time");
+}
+
+#[test]
+fn nobody_of_another_platform_has_a_df_federate() {
+    let mut net = Net::new(2);
+    let parent = AgentId::new("df@robot1");
+    let request = client::df_federate_request(&"df@robot2".into(), &parent);
+    net.letters.push_back(request.from_agent(CLIENT));
+    net.run();
+    let told = net.answers.pop().unwrap();
+    assert_eq!(told.performative, Performative::NotUnderstood);
+    assert!(net.federations.is_empty() && net.dfs["df@robot1"].0.is_empty());
+}
+
+#[test]
+fn a_request_to_federate_names_the_other_df() {
+    let mut net = Net::new(1);
+    let request = client::df_federate_request(&"df@robot1".into(), &"df@robot2".into());
+    let content = request.content_str().unwrap().to_owned();
+    assert_eq!(
+        content,
+        "((action (agent-identifier :name df@robot1) \
+         (federate :df (agent-identifier :name df@robot2))))"
+    );
+    let without = request.content(content.replace(":df (agent-identifier :name df@robot2)", ""));
+    net.ask_own("df@robot1", without);
+    let told = net.answers.pop().unwrap();
+    assert_eq!(told.performative, Performative::Refuse);
 }

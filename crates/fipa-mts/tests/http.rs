@@ -48,18 +48,20 @@ impl Service {
     fn send(&mut self, message: Message) -> u64 {
         let mut payload = Encoded::new();
         bit_efficient::encode_message(&message, &mut payload).unwrap();
+        let form = fipa_acl::Representation::BitEfficient;
+        self.submit(&message, form, payload.take_bytes())
+    }
+
+    fn submit(&mut self, message: &Message, form: fipa_acl::Representation, payload: Bytes) -> u64 {
         let envelope = Envelope::new(Slots {
             to: message.receiver.clone(),
             from: message.sender.clone(),
-            acl_representation: Some(fipa_acl::Representation::BitEfficient),
+            acl_representation: Some(form),
             date: Some(FipaTime::from_unix_millis(0)),
             ..Slots::default()
         });
         self.tickets += 1;
-        let letter = Letter {
-            envelope,
-            payload: payload.take_bytes(),
-        };
+        let letter = Letter { envelope, payload };
         let submission = Submission::new(self.tickets, letter, Duration::from_secs(10));
         self.mts.submit(self.now, submission);
         self.tickets
@@ -160,6 +162,28 @@ fn a_letter_is_posted_as_jade_reads_it_and_is_sent_once_it_was_taken_over() {
     assert_eq!(outcome.outcome, Outcome::Sent);
     assert_eq!(outcome.via.unwrap(), "http://10.0.0.9:7778/acc");
     assert_eq!(service.mts.letters_under_way(), 0);
+}
+
+#[test]
+fn what_is_in_string_form_already_stays_so_and_names_its_charset() {
+    let mut service = Service::new();
+    let message = to(&["http://10.0.0.9:7778/acc"]);
+    for (text, payload_type) in [
+        (
+            "(inform :content \"gr\u{fc}\u{df}e\")",
+            "fipa.acl.rep.string.std; charset=UTF-8",
+        ),
+        ("(inform :content hello)", "application/text"),
+    ] {
+        let payload = Bytes::from_static(text.as_bytes());
+        service.submit(&message, fipa_acl::Representation::String, payload.clone());
+        let letter = service.post();
+        assert_eq!(
+            (letter.payload_type.as_str(), &letter.payload),
+            (payload_type, &payload)
+        );
+        service.answer(&letter, Ok(()));
+    }
 }
 
 #[test]
@@ -292,7 +316,7 @@ fn whoever_posts_a_letter_for_nobody_is_told_where_it_says() {
     let message = decode_payload(&envelope, &told.payload, &limits).unwrap();
     let failure = DeliveryFailure::of(&message).unwrap();
     assert_eq!(failure.receivers[0].name, "nobody@robot1");
-    assert_eq!(failure.service.unwrap().name, "robot1");
+    assert_eq!(failure.service.unwrap().name, "ams@robot1");
 }
 
 #[test]
@@ -309,6 +333,46 @@ fn a_letter_that_comes_again_over_a_new_connection_is_delivered_once() {
     assert_eq!(service.mail("arm@robot1"), 0);
     service.arrive(&arm, 3, 0).unwrap();
     assert_eq!(service.mail("arm@robot1"), 1);
+}
+
+#[test]
+fn what_is_posted_here_is_not_posted_on() {
+    let mut service = Service::new();
+    service.register("Arm@robot1");
+    // Whatever URL of ours the sender knows, it means us, and does not tell names apart by their case.
+    for url in ["http://robot1.lan:7778/acc", "http://10.0.0.77:7778/acc"] {
+        let arm = AgentId::new("arm@ROBOT1").address(url);
+        service.arrive(&arm, 1, 0).unwrap();
+        assert_eq!(service.mail("Arm@robot1"), 1);
+        let nobody = AgentId::new("nobody@robot1").address(url);
+        service.arrive(&nobody, 1, 1).unwrap();
+        assert!(
+            service
+                .posts()
+                .iter()
+                .all(|post| post.address.to_string() != url)
+        );
+        assert_eq!(service.mts.letters_under_way(), 0);
+    }
+}
+
+#[test]
+fn names_that_jade_makes_of_its_host_work_as_they_are() {
+    let mut service = Service::new();
+    let url = Text::from_static("http://10.0.0.9:7778/acc");
+    for name in ["ping@10.0.0.9:1099/JADE", "a.b-c_d@host.lan:1099/JADE"] {
+        let receiver = AgentId::new(name).address(url.clone());
+        service.send(
+            Message::new(Performative::Inform)
+                .from_agent("a@robot1")
+                .to(receiver),
+        );
+        let letter = service.post();
+        let (envelope, _) = decode_envelope(&letter.envelope, &Limits::default()).unwrap();
+        assert_eq!(envelope.intended_receiver()[0].name, name);
+        service.answer(&letter, Ok(()));
+        assert_eq!(service.outcome().outcome, Outcome::Sent);
+    }
 }
 
 #[test]

@@ -134,6 +134,28 @@ async fn what_a_kept_connection_did_not_answer_is_posted_again_over_a_new_one() 
 }
 
 #[tokio::test]
+async fn what_is_left_of_the_answer_before_is_no_answer() {
+    let (listener, letter) = listener().await;
+    let server = tokio::spawn(async move {
+        let (mut stream, _) = listener.accept().await.unwrap();
+        request(&mut stream).await;
+        let (head, body) = JADE.split_at(JADE.len() - 43);
+        stream.write_all(head.as_bytes()).await.unwrap();
+        // The rest comes when the next letter is on its way already, and the end with it.
+        request(&mut stream).await;
+        stream.write_all(body.as_bytes()).await.unwrap();
+        drop(stream);
+        let (mut stream, _) = listener.accept().await.unwrap();
+        request(&mut stream).await;
+        stream.write_all(JADE.as_bytes()).await.unwrap();
+    });
+    let client = HttpClient::new();
+    client.post(&letter, PATIENCE).await.unwrap();
+    client.post(&letter, PATIENCE).await.unwrap();
+    server.await.unwrap();
+}
+
+#[tokio::test]
 async fn a_connection_that_ended_while_it_was_idle_is_not_used() {
     let (listener, letter) = listener().await;
     let server = tokio::spawn(async move {

@@ -106,7 +106,8 @@ impl HttpReceiver for Inbox {
         };
         let same_host = remote.ip().to_canonical().is_loopback();
         node.with(|_, mts, _| {
-            management::description(&mts.service_name(), mts.http_urls(same_host))
+            let urls = management::urls(mts, same_host);
+            management::description(&mts.service_name(), urls)
         })
     }
 }

@@ -27,6 +27,8 @@ pub enum What {
     Register(Box<Register>),
     /// Tell what is offered, now and whenever it changes
     Subscribe(Subscribe),
+    /// Have the DF of the daemon registered with another one, whose searches then come to it as well
+    Federate(Federate),
 }
 
 /// What is looked for; what is not given matches everything.
@@ -108,6 +110,22 @@ pub struct Subscribe {
     asked: Asked,
 }
 
+/// The options of `fipa df federate`.
+#[derive(Debug, clap::Args)]
+pub struct Federate {
+    /// The other DF, by a name that is known
+    #[arg(value_name = "DF")]
+    parent: String,
+    /// End the registration
+    #[arg(long)]
+    leave: bool,
+    /// Seconds to wait for the other DF
+    #[arg(long, value_name = "S", default_value = "15", value_parser = attached::seconds)]
+    timeout: Duration,
+    #[command(flatten)]
+    control: Control,
+}
+
 /// Does what the options say.
 ///
 /// # Errors
@@ -118,6 +136,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             What::Search(search) => find(search).await,
             What::Register(register) => enter(register).await,
             What::Subscribe(subscribe) => watch(subscribe).await,
+            What::Federate(federate) => join(federate).await,
         }
     })
 }
@@ -291,6 +310,19 @@ async fn watch(args: &Subscribe) -> Result<(), Failure> {
     let cancel = client::df_cancel_request(&df, &subscribe);
     agent.send_within(cancel, Duration::from_secs(1)).await;
     Ok(())
+}
+
+async fn join(args: &Federate) -> Result<(), Failure> {
+    let platform = args.control.attach().await?;
+    let agent = attached::register(&platform, &attached::own_name("df-"), None).await?;
+    let df = AgentId::new(format!("df@{}", platform.name()));
+    let parent = AgentId::new(args.parent.as_str());
+    let question = match args.leave {
+        true => client::df_leave_request(&df, &parent),
+        false => client::df_federate_request(&df, &parent),
+    };
+    let answer = ask(&agent, question, args.timeout).await?;
+    client::done(&answer).map_err(Failure::no)
 }
 
 fn to_json(description: &DfAgentDescription) -> Value {

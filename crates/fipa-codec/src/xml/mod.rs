@@ -154,8 +154,13 @@ pub fn encode_envelope_as(
     let write = |out: &mut Output| envelope_writer::write_envelope(envelope, payload, options, out);
     if options.plain_envelopes {
         let mut document = Output::new();
+        document.reserve(ENVELOPE);
         write(&mut document)?;
-        writer::write_plain(&String::from_utf8_lossy(&document.take_bytes()), out);
+        let document = document.take_bytes();
+        match document.is_ascii() && memchr::memchr(b'\n', &document).is_none() {
+            true => out.put_slice(&document),
+            false => writer::write_plain(&String::from_utf8_lossy(&document), out),
+        }
         return Ok(());
     }
     out.reserve(ENVELOPE);

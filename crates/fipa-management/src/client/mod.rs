@@ -17,12 +17,14 @@
 //! ```
 
 mod answers;
+mod federation;
 mod platforms;
 mod requests;
 
 pub use answers::{
     AnswerError, agents_result, description_result, done, notification, registered, search_result,
 };
+pub use federation::{df_federate_request, df_leave_request};
 pub use platforms::{platform_answer, platform_request, platform_result, requested_platform};
 pub use requests::{
     ams_deregister_request, ams_description_request, ams_register_request, ams_search_request,

@@ -2,7 +2,7 @@
 //! other make has it.
 
 use fipa_acl::{AgentId, Message, Text};
-use fipa_sl::Term;
+use fipa_sl::{Functional, Term};
 
 use super::AnswerError;
 use super::answers::objects;
@@ -15,7 +15,7 @@ const ADD_PLATFORM: &str = "add-platform";
 
 /// Asks the AMS of a platform of ours to list the agents of the platform at this URL.
 pub fn platform_request(ams: &AgentId, url: &str) -> Message {
-    request(ams, ADD_PLATFORM, [Term::text(url)])
+    request(ams, Functional::new(ADD_PLATFORM, [Term::text(url)]))
 }
 
 /// The name of the platform whose agents are listed from now on.

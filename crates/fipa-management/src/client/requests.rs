@@ -10,24 +10,30 @@ pub fn df_search_request(
     template: &DfAgentDescription,
     constraints: &SearchConstraints,
 ) -> Message {
-    request(df, "search", [template.into(), constraints.into()])
+    request(
+        df,
+        Functional::new("search", [template.into(), constraints.into()]),
+    )
 }
 
 /// Asks a DF to register a description; [`registered`](super::registered) reads the answer.
 pub fn df_register_request(df: &AgentId, description: &DfAgentDescription) -> Message {
-    request(df, "register", [description.into()])
+    request(df, Functional::new("register", [description.into()]))
 }
 
 /// Asks a DF to put this description in the place of the one that it has of the agent;
 /// [`registered`](super::registered) reads the answer.
 pub fn df_modify_request(df: &AgentId, description: &DfAgentDescription) -> Message {
-    request(df, "modify", [description.into()])
+    request(df, Functional::new("modify", [description.into()]))
 }
 
 /// Asks a DF to forget an agent; [`done`](super::done) reads the answer.
 pub fn df_deregister_request(df: &AgentId, agent: &AgentId) -> Message {
     let description = DfAgentDescription::of(agent.clone());
-    request(df, "deregister", [Term::from(&description)])
+    request(
+        df,
+        Functional::new("deregister", [Term::from(&description)]),
+    )
 }
 
 /// Asks a DF to tell what matches a template, now and whenever it changes;
@@ -63,7 +69,7 @@ pub fn df_cancel_request(df: &AgentId, subscribe: &Message) -> Message {
 /// Asks an AMS what its platform is; [`description_result`](super::description_result) reads the
 /// answer.
 pub fn ams_description_request(ams: &AgentId) -> Message {
-    request(ams, "get-description", [])
+    request(ams, Functional::new("get-description", []))
 }
 
 /// Asks an AMS for the agents of its platform that match a template;
@@ -73,12 +79,15 @@ pub fn ams_search_request(
     template: &AmsAgentDescription,
     constraints: &SearchConstraints,
 ) -> Message {
-    request(ams, "search", [template.into(), constraints.into()])
+    request(
+        ams,
+        Functional::new("search", [template.into(), constraints.into()]),
+    )
 }
 
 /// Asks an AMS to register an agent; [`done`](super::done) reads the answer.
 pub fn ams_register_request(ams: &AgentId, description: &AmsAgentDescription) -> Message {
-    request(ams, "register", [description.into()])
+    request(ams, Functional::new("register", [description.into()]))
 }
 
 /// Asks an AMS to forget an agent; [`done`](super::done) reads the answer.
@@ -87,15 +96,13 @@ pub fn ams_deregister_request(ams: &AgentId, agent: &AgentId) -> Message {
         name: Some(agent.clone()),
         ..AmsAgentDescription::default()
     };
-    request(ams, "deregister", [Term::from(&description)])
+    request(
+        ams,
+        Functional::new("deregister", [Term::from(&description)]),
+    )
 }
 
-pub(super) fn request<const N: usize>(
-    agent: &AgentId,
-    function: &'static str,
-    arguments: [Term; N],
-) -> Message {
-    let function = Functional::new(function, arguments);
+pub(super) fn request(agent: &AgentId, function: Functional) -> Message {
     let action = Functional::action(agent.into(), function.into());
     message(agent, Performative::Request, "fipa-request", action).language("fipa-sl0")
 }

@@ -13,6 +13,7 @@ use std::time::Duration;
 use fipa_acl::{AgentId, Message, Performative, Text};
 use fipa_directory::Now;
 
+pub(crate) use self::federation::{DF_TOOLS, FEDERATE, LEAVE};
 use self::questions::{About, Questions, Served};
 use self::search::Search;
 use self::store::Store;
@@ -65,7 +66,7 @@ impl DfConfig {
 pub enum DfOutput {
     /// Send this message; it is complete but for the addresses of its sender.
     Send(Box<Message>),
-    /// What became of [`Df::federate`] or [`Df::leave`].
+    /// What became of a request to register with another DF, or to end that.
     Federation {
         /// The DF that was asked.
         parent: Text,
@@ -86,6 +87,8 @@ pub struct Df {
     subscriptions: Subscriptions,
     questions: Questions,
     searches: HashMap<u64, Search>,
+    /// Requests to register with another DF that it has not answered yet.
+    federating: HashMap<u64, (Message, Action)>,
     served: Served,
     /// Counts what needs a name of its own.
     count: u64,
@@ -101,6 +104,7 @@ impl Df {
             subscriptions: Subscriptions::default(),
             questions: Questions::default(),
             searches: HashMap::new(),
+            federating: HashMap::new(),
             served: Served::default(),
             count: 0,
             outputs: VecDeque::new(),
@@ -147,9 +151,9 @@ impl Df {
         while let Some(question) = self.questions.expire(now.mono) {
             match question.about {
                 About::Search(search) => self.one_less(search),
-                About::Federation => {
+                About::Federation(id) => {
                     let late = Text::from_static("it did not answer in time");
-                    self.federation(question.whom, Err(Reason::InternalError(late)));
+                    self.federation(id, question.whom, Err(Reason::InternalError(late)));
                 }
             }
         }

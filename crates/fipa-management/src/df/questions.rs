@@ -22,8 +22,8 @@ pub(super) struct Question {
 pub(super) enum About {
     /// A search that waits for its results.
     Search(u64),
-    /// Our own registration there, or its end.
-    Federation,
+    /// Our own registration there, or its end; the number under which somebody asked for it.
+    Federation(u64),
 }
 
 impl Questions {

@@ -20,6 +20,9 @@ impl Df {
         message: &Message,
         directory: &dyn DirectoryView,
     ) {
+        if origin == Origin::Local && self.asked_to_federate(now, message, directory) {
+            return;
+        }
         let mut action = match check_terms_of(message).and_then(|()| Action::of(message)) {
             Ok(action) => action,
             Err(outcome) => return self.answer(message, None, outcome),

@@ -226,7 +226,7 @@ impl Df {
                 }
                 self.one_less(id);
             }
-            About::Federation => self.federated(question.whom, message),
+            About::Federation(id) => self.federated(id, question.whom, message),
         }
     }
 

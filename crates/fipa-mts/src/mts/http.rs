@@ -6,6 +6,7 @@ use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
 use std::time::Duration;
 
+use bytes::Bytes;
 use fipa_acl::Text;
 use fipa_codec::Dialect;
 use fipa_directory::{Address, Now};
@@ -16,7 +17,7 @@ use super::callers::{TIMEOUT, inbound};
 use super::deliveries::Origin;
 use super::jade;
 use super::notices::Returnable;
-use super::routing::Terms;
+use super::routing::{POSTED, Terms};
 use crate::machine::{Arrived, Output, PostFailure, PostId, PostedLetter, Refusal};
 
 /// How long a letter is recognised that comes a second time.
@@ -25,12 +26,48 @@ const REMEMBERED: Duration = Duration::from_secs(600);
 /// Connections whose last letter is remembered.
 const MAX_REMEMBERED: usize = 1024;
 
+/// Octets of letters that are remembered as they came; the hash of each is made only for more, and
+/// only when something is compared with them.
+const MAX_KEPT: usize = 4 << 20;
+
 /// The last letter that came over a connection on which others had come before.
 #[derive(Debug)]
 struct Last {
     connection: u64,
-    letter: u64,
+    letter: Remembered,
     at: Duration,
+}
+
+#[derive(Debug)]
+enum Remembered {
+    Whole { envelope: Bytes, payload: Bytes },
+    Hash(u64),
+}
+
+impl Remembered {
+    fn octets(&self) -> usize {
+        match self {
+            Remembered::Whole { envelope, payload } => envelope.len() + payload.len(),
+            Remembered::Hash(_) => 0,
+        }
+    }
+
+    fn is(&self, arrived: &Arrived, hash: &mut Option<u64>) -> bool {
+        match self {
+            Remembered::Whole { envelope, payload } => {
+                *envelope == arrived.envelope && *payload == arrived.payload
+            }
+            Remembered::Hash(remembered) => {
+                *remembered == *hash.get_or_insert_with(|| hash_of(arrived))
+            }
+        }
+    }
+}
+
+fn hash_of(arrived: &Arrived) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    (&arrived.envelope, &arrived.payload).hash(&mut hasher);
+    hasher.finish()
 }
 
 /// What came last over the connections that carried several letters, the longest ago first.
@@ -39,31 +76,61 @@ struct Last {
 /// it again as the first one of a new connection. Only such a copy is taken for one: whoever sends
 /// the same twice over one connection, or each letter over its own, means it.
 #[derive(Debug, Default)]
-pub(super) struct Recent(VecDeque<Last>);
+pub(super) struct Recent {
+    last: VecDeque<Last>,
+    /// Octets of those that are remembered as they came.
+    octets: usize,
+}
 
 impl Recent {
     /// Notes a letter. Whether it was taken in before.
     fn is_copy(&mut self, now: Now, arrived: &Arrived) -> bool {
-        let mut hasher = DefaultHasher::new();
-        (&arrived.envelope, &arrived.payload).hash(&mut hasher);
-        let letter = hasher.finish();
         let (connection, at) = (arrived.connection, now.mono);
-        while self.0.len() >= MAX_REMEMBERED
-            || self.0.front().is_some_and(|last| last.at + REMEMBERED < at)
+        while self.last.len() >= MAX_REMEMBERED
+            || self
+                .last
+                .front()
+                .is_some_and(|last| last.at + REMEMBERED < at)
         {
-            self.0.pop_front();
+            self.forget(0);
         }
-        if arrived.earlier > 0 {
-            self.0.retain(|last| last.connection != connection);
-            self.0.push_back(Last {
-                connection,
-                letter,
-                at,
-            });
+        if arrived.earlier == 0 {
+            let mut hash = None;
+            let is_same = |last: &Last| last.letter.is(arrived, &mut hash);
+            let known = self.last.iter().position(is_same);
+            return known.is_some_and(|known| self.forget(known));
+        }
+        let before = self
+            .last
+            .iter()
+            .position(|last| last.connection == connection);
+        if let Some(before) = before {
+            self.forget(before);
+        }
+        let octets = arrived.envelope.len() + arrived.payload.len();
+        let letter = match self.octets + octets > MAX_KEPT {
+            true => Remembered::Hash(hash_of(arrived)),
+            false => Remembered::Whole {
+                envelope: arrived.envelope.clone(),
+                payload: arrived.payload.clone(),
+            },
+        };
+        self.octets += letter.octets();
+        self.last.push_back(Last {
+            connection,
+            letter,
+            at,
+        });
+        false
+    }
+
+    /// Whether there was one at this place.
+    fn forget(&mut self, at: usize) -> bool {
+        let Some(last) = self.last.remove(at) else {
             return false;
-        }
-        let known = self.0.iter().position(|last| last.letter == letter);
-        known.is_some_and(|known| self.0.remove(known).is_some())
+        };
+        self.octets -= last.letter.octets();
+        true
     }
 }
 
@@ -84,7 +151,7 @@ impl Mts {
         if envelope.intended_receiver().is_empty() {
             return Err(Refusal::Unreadable("it names no receiver".to_owned()));
         }
-        let taken = inbound(now, envelope, arrived.payload.clone(), "http")
+        let taken = inbound(now, envelope, arrived.payload.clone(), POSTED)
             .map_err(|error| Refusal::Unreadable(error.to_string()))?;
         if !self.recent.is_copy(now, &arrived) {
             let origin = Origin::Caller {
@@ -215,9 +282,27 @@ mod tests {
         for connection in 0..5000 {
             assert!(!recent.is_copy(now, &arrived(connection, 1, "a")));
         }
-        assert!(recent.0.len() <= MAX_REMEMBERED);
+        assert!(recent.last.len() <= MAX_REMEMBERED);
         now.mono += REMEMBERED + Duration::from_secs(1);
         assert!(!recent.is_copy(now, &arrived(9999, 0, "a")));
-        assert!(recent.0.is_empty());
+        assert!(recent.last.is_empty());
+        assert_eq!(recent.octets, 0);
+    }
+
+    #[test]
+    fn large_letters_are_recognised_and_not_kept() {
+        let (mut recent, now) = (Recent::default(), Now::default());
+        let large = |connection, earlier| Arrived {
+            payload: Bytes::from(vec![connection as u8 % 10; MAX_KEPT / 2]),
+            ..arrived(connection, earlier, "")
+        };
+        for connection in 1..5 {
+            assert!(!recent.is_copy(now, &large(connection, 1)));
+        }
+        assert!(recent.octets <= MAX_KEPT);
+        for connection in 11..15 {
+            assert!(recent.is_copy(now, &large(connection, 0)));
+        }
+        assert_eq!((recent.last.len(), recent.octets), (0, 0));
     }
 }

@@ -31,12 +31,17 @@ pub(super) fn write(
     let head = foreign.parts.first().cloned().unwrap_or_default();
     let (mut envelope, _) = decode_envelope(&head, limits).map_err(|e| e.to_string())?;
     let mut payload = foreign.payload();
-    let mut encoding = envelope.payload_encoding().cloned();
-    if payload_representation(&envelope, &payload) != Some(Representation::String) {
+    let string = Representation::String;
+    let as_it_is = payload_representation(&envelope, &payload).as_ref() == Some(&string);
+    if !as_it_is {
         payload = in_string_form(&envelope, &payload, &own, limits)
             .map_err(|error| format!("the message cannot be put into string form: {error}"))?;
-        encoding = payload_encoding(&Representation::String, &payload, encoding.as_ref());
     }
+    // Without it JADE takes everything beyond ASCII for nothing.
+    let encoding = match envelope.payload_encoding() {
+        Some(given) if as_it_is => Some(given.clone()),
+        given => payload_encoding(&string, &payload, given),
+    };
     let payload = without_last_return(payload);
     let mut overlay = foreign.overlay.clone();
     overlay.acl_representation = Some(Representation::String);

@@ -82,10 +82,19 @@ impl Mts {
                 return self.notice_lost(sender, letter.payload.len(), &reason);
             }
         };
+        let service = self.teller(letter.dialect);
         for (receiver, why) in failed {
-            let service = &self.config.name;
-            let told = failure::notice(service, sender, &message, &receiver, &why);
+            let told = failure::notice(&service, sender, &message, &receiver, &why);
             self.send_notice(now, letter, sender, &told);
+        }
+    }
+
+    /// Who tells: the AMS, in whose name services speak (SC00067F section 4); to links and
+    /// `fipa_services` the service itself, as that does.
+    fn teller(&self, dialect: Dialect) -> Text {
+        match dialect {
+            Dialect::Jade => Text::from(format!("ams@{}", self.config.name)),
+            Dialect::Standard | Dialect::Cpp | Dialect::JadeBridge => self.config.name.clone(),
         }
     }
 
@@ -118,7 +127,7 @@ impl Mts {
         let to = self.known_as(to);
         let envelope = Envelope::new(Slots {
             to: vec![to.clone()],
-            from: Some(AgentId::new(self.config.name.clone())),
+            from: notice.sender.clone(),
             payload_encoding: payload_encoding(&representation, &payload, None),
             acl_representation: Some(representation),
             payload_length: Some(payload.len() as u64),

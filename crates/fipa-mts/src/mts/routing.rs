@@ -26,6 +26,9 @@ const MAX_HOPS: usize = 32;
 /// What the reason begins with when a letter travels in circles: nobody is told of that by a notice.
 pub(super) const LOOP: &str = "the letter travels in circles: ";
 
+/// The transport of letters that come over HTTP.
+pub(super) const POSTED: &str = "http";
+
 /// A letter as it came.
 #[derive(Debug)]
 pub(super) struct Inbound {
@@ -166,7 +169,7 @@ impl Mts {
         let mut seen: HashSet<Text> = HashSet::new();
         let mut resolved = Vec::new();
         for receiver in inbound.envelope.intended_receiver() {
-            for (to, route) in self.resolve(now, receiver, sender, inbound.patterns) {
+            for (to, route) in self.resolve(now, receiver, sender, inbound) {
                 if seen.insert(to.name.clone()) {
                     resolved.push(Resolved { to, route });
                 }
@@ -184,12 +187,13 @@ impl Mts {
         now: Now,
         receiver: &AgentId,
         sender: Option<&Text>,
-        patterns: bool,
+        inbound: &Inbound,
     ) -> Vec<(AgentId, Route)> {
         if let Some(route) = self.route_to(&receiver.name) {
             return vec![(receiver.clone(), route)];
         }
-        if let Some(name) = self.local_in_another_case(receiver)
+        let posted = inbound.via == Some(POSTED);
+        if let Some(name) = self.local_in_another_case(receiver, posted)
             && let Some(route) = self.route_to(&name)
         {
             return vec![(AgentId::new(name), route)];
@@ -198,9 +202,9 @@ impl Mts {
             let route = Route::Nowhere(Outcome::Unknown, Text::from(reason));
             vec![(receiver.clone(), route)]
         };
-        let elsewhere = self.route_by_addresses(receiver).or_else(|| {
+        let elsewhere = self.route_by_addresses(receiver, posted).or_else(|| {
             let mut resolvers = receiver.resolvers.iter();
-            resolvers.find_map(|resolver| self.route_to_service_of(resolver))
+            resolvers.find_map(|resolver| self.route_to_service_of(resolver, posted))
         });
         if let Some(route) = elsewhere {
             return vec![(receiver.clone(), route)];
@@ -211,7 +215,7 @@ impl Mts {
         if self.is_away(now, &receiver.name) {
             return vec![(receiver.clone(), Route::Away)];
         }
-        if !patterns {
+        if !inbound.patterns {
             let here = &self.config.name;
             return nowhere(format!("no agent of this name is known at {here}"));
         }
@@ -255,15 +259,15 @@ impl Mts {
         names.find(|known| same(known)).cloned()
     }
 
-    /// The agent here that an AID with one of our URLs means: JADE does not tell names apart that
-    /// differ in case only.
-    fn local_in_another_case(&self, receiver: &AgentId) -> Option<Text> {
+    /// The agent here that is meant by an AID with one of our URLs, or in a letter that was posted
+    /// here: JADE does not tell names apart that differ in case only.
+    fn local_in_another_case(&self, receiver: &AgentId, posted: bool) -> Option<Text> {
         let mut urls = receiver.addresses.iter();
         let is_ours = |url: &Text| {
             let address = url.parse::<Address>();
             address.is_ok_and(|address| self.config.http.contains(&address))
         };
-        if !urls.any(is_ours) {
+        if !posted && !urls.any(is_ours) {
             return None;
         }
         let mut locals = self.locals.keys();
@@ -283,13 +287,16 @@ impl Mts {
         }
     }
 
-    fn route_by_addresses(&self, receiver: &AgentId) -> Option<Route> {
+    /// What was posted here is not posted on: its sender could post it there, and where the URL is
+    /// one of ours that we do not know, it would only come back.
+    fn route_by_addresses(&self, receiver: &AgentId, posted: bool) -> Option<Route> {
         let addresses: Vec<Address> = receiver
             .addresses
             .iter()
             .filter_map(|url| url.parse().ok())
             .filter(|address| !self.config.endpoints.contains(address))
             .filter(|address| !self.config.http.contains(address))
+            .filter(|address| !(posted && address.is_http()))
             .collect();
         (!addresses.is_empty()).then_some(Route::Addresses(addresses))
     }
@@ -297,11 +304,11 @@ impl Mts {
     /// The way to the service at which a resolver is registered; it looks the receiver up in its
     /// own directory. A resolver here knows no more than we do, and one that is known by resolvers
     /// of its own only is not looked for.
-    fn route_to_service_of(&self, resolver: &AgentId) -> Option<Route> {
+    fn route_to_service_of(&self, resolver: &AgentId, posted: bool) -> Option<Route> {
         match self.route_to(&resolver.name) {
             Some(Route::Peer(instance)) => Some(Route::Peer(instance)),
             Some(_) => None,
-            None => self.route_by_addresses(resolver),
+            None => self.route_by_addresses(resolver, posted),
         }
     }
 

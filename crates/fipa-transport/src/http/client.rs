@@ -76,7 +76,7 @@ struct Idle {
 /// How far a request got on a connection.
 enum Failed {
     Unwritten(io::Error),
-    /// No octet of an answer came.
+    /// No answer began.
     Silent(io::Error),
     Broken(String),
 }
@@ -299,7 +299,8 @@ async fn answer(stream: &mut TcpStream) -> Result<(ResponseHead, bool), Failed> 
             }
             Progress::Broken(reason) => return Err(Failed::Broken(reason.to_owned())),
         }
-        let silent = octets.is_empty();
+        // What is left of the answer before says nothing about this letter.
+        let silent = !response::has_begun(&octets);
         let failed = |error| match silent {
             true => Failed::Silent(error),
             false => Failed::Broken(format!("the answer broke off: {error}")),

@@ -55,7 +55,12 @@ pub(super) fn read(octets: &[u8]) -> Progress {
     }
 }
 
-/// Where the first line begins that may be, or become, a status line.
+/// Whether the octets hold the beginning of an answer, and not only what is left of the one before.
+pub(super) fn has_begun(octets: &[u8]) -> bool {
+    status_line(octets).is_some()
+}
+
+/// Where the first line begins that is a status line.
 fn status_line(octets: &[u8]) -> Option<usize> {
     const BEGIN: &[u8] = b"HTTP/1.";
     let mut at = 0;
@@ -73,15 +78,15 @@ fn head(response: &httparse::Response<'_, '_>) -> Option<ResponseHead> {
     let mut body = None;
     let mut keeps_alive = true;
     for field in response.headers.iter() {
-        let value = String::from_utf8_lossy(field.value);
+        let value = || String::from_utf8_lossy(field.value);
         if field.name.eq_ignore_ascii_case("content-length") {
-            body = Some(value.trim().parse().ok()?);
+            body = Some(value().trim().parse().ok()?);
         } else if field.name.eq_ignore_ascii_case("transfer-encoding") {
             // Its end is not looked for.
             keeps_alive = false;
         } else if field.name.eq_ignore_ascii_case("connection") {
             let closes = |word: &str| word.trim().eq_ignore_ascii_case("close");
-            keeps_alive &= !value.split(',').any(closes);
+            keeps_alive &= !value().split(',').any(closes);
         }
     }
     if matches!(status, 100..=199 | 204 | 304) {
@@ -124,6 +129,14 @@ mod tests {
         for end in 0..junk.len() + JADE.len() {
             assert_eq!(read(&[junk, JADE].concat()[..end]), Progress::More);
         }
+    }
+
+    #[test]
+    fn what_is_left_of_the_answer_before_is_no_beginning() {
+        let junk = b"<html><body><h1>200 OK</h1></body></html>\r\n";
+        assert!(!has_begun(junk));
+        assert!(!has_begun(b""));
+        assert!(has_begun(&[&junk[..], b"HTTP/1.1 2"].concat()));
     }
 
     #[test]

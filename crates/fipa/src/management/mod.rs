@@ -9,7 +9,9 @@ pub(crate) use host::{start, start_platform};
 
 use bytes::Bytes;
 use fipa_acl::Text;
+use fipa_directory::Address;
 use fipa_management::{ApDescription, ApService};
+use fipa_mts::Mts;
 use fipa_sl::Term;
 
 /// The transport service over HTTP (FIPA SC00084F).
@@ -25,6 +27,19 @@ fn services(urls: Vec<Text>) -> Vec<ApService> {
         kind: HTTP,
         addresses: urls,
     }]
+}
+
+/// Where letters are posted to a service: what others reach too, or else, for somebody on this host,
+/// what only this host reaches. Who is told both may hand both on to another host.
+pub(crate) fn urls(mts: &Mts, same_host: bool) -> Vec<Text> {
+    let urls = mts.http_urls(false);
+    if !urls.is_empty() || !same_host {
+        return urls;
+    }
+    let is_loopback = |url: &Text| url.parse().is_ok_and(|url: Address| url.is_loopback());
+    let (loopback, others): (Vec<Text>, Vec<Text>) =
+        mts.http_urls(true).into_iter().partition(is_loopback);
+    if others.is_empty() { loopback } else { others }
 }
 
 /// The description of a platform as one term of SL0, as JADE's tools read it.

@@ -7,7 +7,7 @@ use fipa_directory::{Address, Entry, Location, Now, Record, Source};
 use fipa_management::{ApService, DirectoryChange, DirectoryView, KnownAgent, Reason};
 use fipa_mts::{Machine, Mts};
 
-use super::{HTTP, services};
+use super::{HTTP, services, urls};
 
 /// The service type of the AMS and the DF themselves.
 const MANAGEMENT: &str = "fipa-management";
@@ -78,7 +78,7 @@ impl DirectoryView for View<'_> {
     }
 
     fn services(&self) -> Vec<ApService> {
-        services(self.mts.http_urls(self.same_host))
+        services(urls(self.mts, self.same_host))
     }
 
     fn find(&self, name: &str) -> Option<KnownAgent<'_>> {
@@ -112,7 +112,7 @@ impl DirectoryView for View<'_> {
         let is_url = |address: &&Text| address.parse().is_ok_and(|a: Address| a.is_http());
         let urls: Vec<Text> = addresses.filter(is_url).cloned().collect();
         match urls.is_empty() {
-            true => self.mts.http_urls(self.same_host),
+            true => super::urls(self.mts, self.same_host),
             false => urls,
         }
     }
