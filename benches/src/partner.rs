@@ -52,6 +52,8 @@ impl Partner {
             endpoints: Vec::new(),
             max_letter: 256 << 20,
             unix_millis: unix_millis(),
+            // Letters are written and read without a link here.
+            checks: false,
         };
         let instance = hello.instance;
         let mut link = Link::new(LinkConfig::new(hello), Now::default());

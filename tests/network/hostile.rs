@@ -2,12 +2,14 @@
 
 use std::io::Write;
 use std::net::{Shutdown, TcpStream};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use fipa::blocking::{Agent, Platform};
 use fipa::{Message, Performative};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
+use crate::support::PATIENCE;
 use crate::support::daemon::{Daemon, Place};
 use crate::support::process::Process;
 
@@ -29,8 +31,16 @@ struct Battle {
 
 impl Battle {
     fn begin() -> Battle {
+        Battle::begin_with(|command| command)
+    }
+
+    /// The same with the daemon's command changed.
+    fn begin_with(change: impl Fn(Command) -> Command) -> Battle {
         let place = Place::new();
-        let (other, daemon, echo) = place.pair();
+        let other = place.start("robot1");
+        let daemon = Daemon::start(change(place.fipad("robot2")));
+        let echo = daemon.attach("echo", "echo@robot2");
+        other.wait_for("echo@robot2");
         let platform = Platform::attach_to(&other.control).unwrap();
         let honest = platform.agent("honest@robot1").unwrap();
         Battle {
@@ -215,6 +225,41 @@ fn attack_in_silence(count: usize) {
         open.push(stream);
     }
     battle.check(&format!("{count} silent connections"), before);
+}
+
+/// The command with a limit on the files that it may open.
+fn with_few_files(command: Command) -> Command {
+    let mut limited = Command::new("sh");
+    let script = "ulimit -n 64 && exec \"$@\"";
+    limited.args(["-c", script, "sh"]);
+    limited.arg(command.get_program()).args(command.get_args());
+    for (name, value) in command.get_envs() {
+        match value {
+            Some(value) => limited.env(name, value),
+            None => limited.env_remove(name),
+        };
+    }
+    limited
+}
+
+#[test]
+fn a_daemon_that_may_open_no_more_files_goes_on_and_takes_connections_when_it_may_again() {
+    let battle = Battle::begin_with(with_few_files);
+    let before = battle.round_trip();
+    let open: Vec<TcpStream> = (0..200).map(|_| battle.connect()).collect();
+    let files = || {
+        let files = std::fs::read_dir(format!("/proc/{}/fd", battle.daemon.id()));
+        files.unwrap().count()
+    };
+    let until = Instant::now() + PATIENCE;
+    while files() < 64 && Instant::now() < until {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!((64..80).contains(&files()), "{} files", files());
+    battle.check("no files left", before);
+    drop(open);
+    let _echo = battle.daemon.attach("echo", "echo2@robot2");
+    battle.check("files again", before);
 }
 
 #[test]

@@ -1,10 +1,13 @@
 //! Network namespaces: hosts of their own, joined by virtual wires.
 
 use std::ffi::OsString;
+use std::os::fd::AsFd;
 use std::process::Command;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
+
+use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 
 use super::{PATIENCE, skipped};
 
@@ -136,6 +139,20 @@ impl Namespace {
             };
         }
         inside
+    }
+
+    /// Does something on the host: what it binds or dials is there.
+    pub(crate) fn run_inside<T: Send>(&self, call: impl FnOnce() -> T + Send) -> T {
+        let host = std::fs::File::open(format!("/run/netns/{}", self.0)).unwrap();
+        // A thread of its own, as it does not come back.
+        std::thread::scope(|scope| {
+            let inside = scope.spawn(|| {
+                let network = Some(LinkNameSpaceType::Network);
+                move_into_link_name_space(host.as_fd(), network).unwrap();
+                call()
+            });
+            inside.join().unwrap()
+        })
     }
 
     fn make() -> Result<Namespace, String> {

@@ -2,6 +2,7 @@ use bytes::{BufMut, Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::{Entry, InstanceId, Location, Source, State};
 
+use crate::check;
 use crate::wire::{FrameError, Reader, put_list, put_octets, put_text};
 use crate::{
     AskCallBack, CalledBack, Facts, Hello, KnownPlatform, Parts, ReceiverOutcome, Sniffed,
@@ -135,9 +136,6 @@ const SOURCES: [Source; 4] = [Source::Local, Source::Mdns, Source::Peer, Source:
 const STATES: [State; 3] = [State::Alive, State::Suspect, State::Gone];
 
 impl LetterFrame {
-    /// Octets of the body before the letter.
-    pub(crate) const HEAD: usize = 12;
-
     /// Writes what was put before the letter on its way, if that is small; the rest is returned. A
     /// part of its own costs more than a copy of so little.
     fn put_overlays(mut self, out: &mut BytesMut) -> Parts {
@@ -149,27 +147,35 @@ impl LetterFrame {
 }
 
 impl Frame {
+    const HELLO: u8 = 1;
+
+    /// The kind of the frame that ends a link.
+    pub(crate) const GOODBYE: u8 = 11;
+
     /// The kind of the frame that holds a letter for a watcher.
     pub(crate) const SNIFFED: u8 = 23;
 
     /// Appends the frame to `out`, save for the parts of a letter that are returned: they follow,
     /// as they are.
     pub fn encode(self, out: &mut BytesMut) -> Parts {
-        let begin = out.len();
-        out.put_u32(0);
-        out.put_u8(self.kind());
+        self.encode_as(out, false)
+    }
+
+    /// The same, with or without checksums.
+    pub(crate) fn encode_as(self, out: &mut BytesMut, checked: bool) -> Parts {
+        let body = check::begin(out, self.kind(), checked);
         let letter = self.put_body(out);
-        let octets = out.len() - begin - 4 + letter.octets();
-        let length = u32::try_from(octets).unwrap_or(u32::MAX).to_be_bytes();
-        out[begin..begin + 4].copy_from_slice(&length);
+        check::finish(out, body, checked, &letter);
         letter
     }
 
     /// Reads a frame from its kind and body. A letter shares the body's buffer.
     pub fn decode(kind: u8, body: Bytes) -> Result<Frame, FrameError> {
+        if kind == Frame::HELLO {
+            return Hello::read(body).map(Frame::Hello);
+        }
         let mut r = Reader::new(body, name_of(kind));
         Ok(match kind {
-            1 => Frame::Hello(Hello::read(r)?),
             2 => Frame::Letter(LetterFrame {
                 id: r.u64()?,
                 ttl_millis: r.u32()?,
@@ -197,7 +203,7 @@ impl Frame {
             8 => Frame::Directory(DirectoryFrame::read(r)?),
             9 => Frame::Ping(r.u64()?),
             10 => Frame::Pong(r.u64()?),
-            11 => Frame::Goodbye(r.text()?),
+            Frame::GOODBYE => Frame::Goodbye(r.text()?),
             12 => Frame::Platforms(r.list(KnownPlatform::read)?),
             13 => Frame::Revoked(r.octets()?),
             20 => Frame::AskFacts,
@@ -212,7 +218,7 @@ impl Frame {
 
     fn kind(&self) -> u8 {
         match self {
-            Frame::Hello(_) => 1,
+            Frame::Hello(_) => Frame::HELLO,
             Frame::Letter(_) => 2,
             Frame::Receipt { .. } => 3,
             Frame::Attach { .. } => 4,
@@ -222,7 +228,7 @@ impl Frame {
             Frame::Directory(_) => 8,
             Frame::Ping(_) => 9,
             Frame::Pong(_) => 10,
-            Frame::Goodbye(_) => 11,
+            Frame::Goodbye(_) => Frame::GOODBYE,
             Frame::Platforms(_) => 12,
             Frame::Revoked(_) => 13,
             Frame::AskFacts => 20,
@@ -285,7 +291,6 @@ impl Frame {
 
 fn name_of(kind: u8) -> &'static str {
     match kind {
-        1 => "hello",
         2 => "letter",
         3 => "receipt",
         4 => "attach",
@@ -294,7 +299,7 @@ fn name_of(kind: u8) -> &'static str {
         8 => "directory",
         9 => "ping",
         10 => "pong",
-        11 => "goodbye",
+        Frame::GOODBYE => "goodbye",
         12 => "platforms",
         13 => "revoked",
         21 => "facts",

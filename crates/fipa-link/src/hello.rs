@@ -1,4 +1,4 @@
-use bytes::{BufMut, BytesMut};
+use bytes::{BufMut, Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::InstanceId;
 
@@ -23,7 +23,13 @@ pub struct Hello {
     pub max_letter: u64,
     /// Its clock, in milliseconds since 1970-01-01T00:00:00Z.
     pub unix_millis: i64,
+    /// Whether it wants checksums in the frames that follow, and writes them if the other side
+    /// wants them, too.
+    pub checks: bool,
 }
+
+/// The bit for [`Hello::checks`].
+const CHECKS: u8 = 1;
 
 /// What kind of partner speaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +45,7 @@ impl Hello {
     pub const VERSION: u16 = 1;
 
     pub(crate) fn put(&self, out: &mut BytesMut) {
+        let begin = out.len();
         out.put_u16(self.version);
         out.put_u8(match self.role {
             Role::Daemon => 0,
@@ -52,10 +59,14 @@ impl Hello {
         });
         out.put_u64(self.max_letter);
         out.put_i64(self.unix_millis);
+        out.put_u8(if self.checks { CHECKS } else { 0 });
+        let sum = crc32fast::hash(&out[begin..]);
+        out.put_u32(sum);
     }
 
-    pub(crate) fn read(mut reader: Reader) -> Result<Hello, FrameError> {
-        Ok(Hello {
+    pub(crate) fn read(body: Bytes) -> Result<Hello, FrameError> {
+        let mut reader = Reader::new(body.clone(), "hello");
+        let mut hello = Hello {
             version: reader.u16()?,
             role: match reader.u8()? {
                 0 => Role::Daemon,
@@ -68,6 +79,13 @@ impl Hello {
             endpoints: reader.list(Reader::text)?,
             max_letter: reader.u64()?,
             unix_millis: reader.i64()?,
-        })
+            checks: false,
+        };
+        // Older ones end here.
+        if !reader.is_empty() {
+            hello.checks = reader.u8()? & CHECKS != 0;
+            reader.check(&body)?;
+        }
+        Ok(hello)
     }
 }

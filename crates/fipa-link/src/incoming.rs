@@ -2,7 +2,8 @@
 
 use bytes::{Buf, BytesMut};
 
-use crate::{Frame, LetterFrame, Parts};
+use crate::check::{Check, Head};
+use crate::{Frame, LetterFrame, LinkError, Parts};
 
 /// Octets from which on a piece is taken as it lies. Smaller ones are left where they are until
 /// more has come: a piece keeps the whole buffer alive in which it arrived.
@@ -15,23 +16,26 @@ pub(crate) struct Incoming {
     ttl_millis: u32,
     parts: Parts,
     missing: usize,
+    check: Check,
 }
 
 impl Incoming {
-    /// Takes the beginning of a letter's frame, of which not all is there. `length` counts the kind
-    /// and the body: more than what was received.
-    pub(crate) fn begin(length: usize, received: &mut BytesMut) -> Option<Incoming> {
+    /// Takes the beginning of a letter's frame, of which not all of its so many octets are there.
+    pub(crate) fn begin(head: &Head, frame: usize, received: &mut BytesMut) -> Option<Incoming> {
         if received.len() < PIECE {
             return None;
         }
-        received.advance(5);
+        let missing = frame - received.len();
+        received.advance(head.size);
+        let mut check = Check::new(head.sum);
+        check.add(received);
         let (id, ttl_millis) = (received.get_u64(), received.get_u32());
-        let missing = length - 1 - LetterFrame::HEAD - received.len();
         Some(Incoming {
             id,
             ttl_millis,
             parts: received.split().freeze().into(),
             missing,
+            check,
         })
     }
 
@@ -40,17 +44,20 @@ impl Incoming {
         let octets = self.missing.min(received.len());
         if octets == self.missing || octets >= PIECE {
             self.missing -= octets;
-            self.parts.push(received.split_to(octets).freeze());
+            let piece = received.split_to(octets).freeze();
+            self.check.add(&piece);
+            self.parts.push(piece);
         }
         self.missing == 0
     }
 
     /// The letter, once it is whole.
-    pub(crate) fn finish(self) -> Frame {
-        Frame::Letter(LetterFrame {
+    pub(crate) fn finish(self) -> Result<Frame, LinkError> {
+        self.check.finish()?;
+        Ok(Frame::Letter(LetterFrame {
             id: self.id,
             ttl_millis: self.ttl_millis,
             parts: self.parts,
-        })
+        }))
     }
 }

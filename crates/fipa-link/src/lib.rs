@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   preamble  8F "FIPA" 0D 0A 01          begins like no FIPA encoding, TLS record or HTTP request
-//!   frame     length: u32 │ kind: u8 │ body          length counts kind and body; big endian
+//!   frame     length: u32 │ kind: u8 │ body          length counts what follows it; big endian
+//!             length: u32 │ kind: u8 + 128 │ CRC-32 of the body │ CRC-32 of these 9 octets │ body
 //!
 //!   hello ──▶              who speaks: version, instance, name, scope, endpoints
 //!   letter ─▶ ◀─ receipt   a letter, and what became of it, receiver by receiver
@@ -16,11 +17,15 @@
 //!   ping ─▶ ◀─ pong        heartbeat                goodbye ─▶ the reason for closing
 //! ```
 //!
+//! Frames have checksums once both sides have said in their hello that they want them: services do
+//! on a network, programs on their control socket do not. The hello has one of its own.
+//!
 //! **Knows** the octets of a frame and the life of one link: preamble, hello, heartbeat, end.
 //! **Never knows** a socket or a clock, where a letter goes, or what the directory holds. A link
 //! between daemons and the control link of a program are the same.
 
 mod call_back;
+mod check;
 mod facts;
 mod frame;
 mod hello;

@@ -4,6 +4,7 @@ use bytes::{Buf, Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::Now;
 
+use crate::check::{Check, Head};
 use crate::incoming::Incoming;
 use crate::outgoing::Outgoing;
 use crate::{Frame, FrameError, Hello, PREAMBLE, Role};
@@ -98,6 +99,9 @@ pub enum LinkError {
     /// A frame is larger than agreed.
     #[error("a frame of {0} octets is larger than allowed")]
     TooLarge(usize),
+    /// A checksum does not fit.
+    #[error("what came was changed on its way: a checksum does not fit")]
+    Corrupt,
     /// A frame cannot be read.
     #[error(transparent)]
     Frame(#[from] FrameError),
@@ -257,15 +261,18 @@ impl Link {
         if let Some(incoming) = &mut self.incoming {
             self.last_letter = Some(now.mono);
             return Ok(match incoming.take(received) {
-                true => self.incoming.take().map(Incoming::finish),
+                true => self.incoming.take().map(Incoming::finish).transpose()?,
                 false => None,
             });
         }
-        let Some((head, _)) = received.split_first_chunk::<5>() else {
+        let Some(head) = Head::read(received)? else {
             return Ok(None);
         };
-        let [l0, l1, l2, l3, kind] = *head;
-        let length = u32::from_be_bytes([l0, l1, l2, l3]) as usize;
+        let (kind, length) = (head.kind, head.length);
+        // Whatever came before the goodbye, that is the end.
+        if self.out.checked && head.sum.is_none() && kind != Frame::GOODBYE {
+            return Err(LinkError::Corrupt);
+        }
         let letter_limit = || {
             usize::try_from(self.config.hello.max_letter)
                 .unwrap_or(usize::MAX)
@@ -277,19 +284,22 @@ impl Link {
             Frame::SNIFFED if self.config.hello.role == Role::Program => letter_limit(),
             _ => MAX_CONTROL_FRAME,
         };
-        if length == 0 || length > limit {
+        let Some(octets) = head.frame().filter(|_| length <= limit) else {
             return Err(LinkError::TooLarge(length));
-        }
-        if received.len() < 4 + length {
+        };
+        if received.len() < octets {
             // Its sender keeps the heartbeat of letters; so do we while it is on its way.
             if kind == LETTER && self.stage == Stage::Open {
                 self.last_letter = Some(now.mono);
-                self.incoming = Incoming::begin(length, received);
+                self.incoming = Incoming::begin(&head, octets, received);
             }
             return Ok(None);
         }
-        received.advance(5);
-        let body = received.split_to(length - 1).freeze();
+        received.advance(head.size);
+        let body = received.split_to(octets - head.size).freeze();
+        let mut check = Check::new(head.sum);
+        check.add(&body);
+        check.finish()?;
         Ok(Some(Frame::decode(kind, body)?))
     }
 
@@ -298,6 +308,7 @@ impl Link {
             (Stage::Hello, Frame::Hello(hello)) => {
                 self.stage = Stage::Open;
                 self.last_ping = now.mono;
+                self.out.checked = hello.checks && self.config.hello.checks;
                 Ok(Some(Event::Opened(hello)))
             }
             (Stage::Hello, frame @ Frame::Goodbye(_)) => Ok(Some(Event::Frame(frame))),

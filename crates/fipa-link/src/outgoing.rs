@@ -25,6 +25,8 @@ pub(crate) struct Outgoing {
     tail: BytesMut,
     wide: bool,
     octets: usize,
+    /// Whether frames are written with checksums.
+    pub(crate) checked: bool,
 }
 
 impl Outgoing {
@@ -37,7 +39,7 @@ impl Outgoing {
     pub(crate) fn push(&mut self, frame: Frame) {
         self.make_room();
         let before = self.tail.len();
-        let letter = frame.encode(&mut self.tail);
+        let letter = frame.encode_as(&mut self.tail, self.checked);
         self.octets += self.tail.len() - before;
         let octets = letter.octets();
         if octets > 0 {

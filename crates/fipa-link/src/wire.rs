@@ -17,6 +17,9 @@ pub enum FrameError {
     /// A text is not UTF-8.
     #[error("the {0} frame holds text that is not UTF-8")]
     NotUtf8(&'static str),
+    /// The octets were changed on their way.
+    #[error("the {0} frame was changed on its way")]
+    Changed(&'static str),
 }
 
 /// Reads the values of one frame's body. What follows the last value that this version knows is
@@ -115,6 +118,20 @@ impl Reader {
     pub(crate) fn octets(&mut self) -> Result<Bytes, FrameError> {
         let octets = self.u32()? as usize;
         self.take(octets)
+    }
+
+    /// Passes over the checksum of all that was read of a body, which must fit.
+    pub(crate) fn check(&mut self, body: &[u8]) -> Result<(), FrameError> {
+        let read = body.len().saturating_sub(self.body.len());
+        let sum = crc32fast::hash(body.get(..read).unwrap_or_default());
+        match self.u32()? == sum {
+            true => Ok(()),
+            false => Err(FrameError::Changed(self.frame)),
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.body.is_empty()
     }
 
     pub(crate) fn rest(self) -> Bytes {

@@ -25,6 +25,7 @@ fn hello(n: u8) -> Hello {
         endpoints: vec![Text::from("tcp://robot:4100")],
         max_letter: 1000,
         unix_millis: 0,
+        checks: false,
     }
 }
 
@@ -281,7 +282,7 @@ fn a_frame_without_a_kind_is_refused() {
 #[test]
 fn a_kind_that_is_not_known_is_passed_over() {
     let (mut one, mut two) = greeted();
-    let mut octets = BytesMut::from(&b"\0\0\0\x04\xc8abc"[..]);
+    let mut octets = BytesMut::from(&b"\0\0\0\x04\x64abc"[..]);
     two.goodbye(at(0), "that was all");
     octets.extend_from_slice(&written(&mut two));
     let goodbye = Frame::Goodbye(Text::from("that was all"));

@@ -511,6 +511,7 @@ impl Machine for Program {
             endpoints: Vec::new(),
             max_letter: self.config.max_letter as u64,
             unix_millis: now.unix_millis,
+            checks: false,
         };
         let link = Link::new(LinkConfig::new(hello), now);
         self.conn = Some((connected.conn, link));

@@ -64,6 +64,7 @@ impl World {
             endpoints: Vec::new(),
             max_letter: 1 << 20,
             unix_millis: NOW.unix_millis,
+            checks: false,
         };
         let robot = Robot {
             link: Link::new(LinkConfig::new(hello), NOW),

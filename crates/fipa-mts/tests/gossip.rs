@@ -237,6 +237,7 @@ impl Second {
             endpoints: endpoints.iter().copied().map(Text::from).collect(),
             max_letter: 1 << 20,
             unix_millis: raw.now.unix_millis,
+            checks: true,
         };
         let connected = Connected {
             conn: Second::CONN,

@@ -219,6 +219,38 @@ fn a_stored_letter_waits_for_a_receiver_that_is_back_and_does_not_read() {
     assert_eq!(sim.letters_on_disk(here), 0);
 }
 
+#[test]
+fn a_program_that_comes_back_is_told_what_was_dropped_meanwhile_though_it_may_have_arrived() {
+    let mut sim = Sim::new(9);
+    let (here, _) = away(&mut sim, |limits| limits.age = secs(60));
+    let program = sim.program_with("p", here, |config| config.patience = secs(1_000_000));
+    sim.register(program, "q");
+    sim.run_for(secs(1));
+    let message = Message::new(Performative::Inform).from_agent("q").to("b");
+    let mut payload = Output::new();
+    bit_efficient::encode_message(&message, &mut payload).unwrap();
+    let to = vec![fipa_acl::AgentId::new("b")];
+    let letter = sim.letter("q", to, payload.take_bytes());
+    let ticket = sim.submit(program, letter, secs(5));
+    sim.run_for(secs(7));
+    assert!(stored(&sim, program, ticket));
+    sim.crash(here);
+    sim.run_for(secs(70));
+    // The letter is too old as soon as its daemon is there, and the program is not yet.
+    sim.restart(here);
+    assert_eq!(dropped(&sim, here).len(), 1);
+    assert_eq!(sim.letters_on_disk(here), 1);
+    sim.run_for(secs(30));
+    let mail = &sim.collected(program).mail["q"];
+    let limits = fipa_codec::Limits::default();
+    let told = decode_payload(&mail[0].envelope, &mail[0].payload, &limits).unwrap();
+    let failure = DeliveryFailure::of(&told).unwrap();
+    // An earlier run of the daemon may have sent it.
+    assert_eq!(failure.reason, "timeout: b was away for longer than 60 s");
+    assert_eq!(mail.len(), 1);
+    assert_eq!(sim.letters_on_disk(here), 0);
+}
+
 /// A letter around a message that is not wanted after so long.
 fn wanted_for(sim: &Sim, span: Duration) -> (Letter, i64) {
     let at = sim.now().plus(span).unix_millis;

@@ -138,6 +138,15 @@ impl Sim {
         }
     }
 
+    /// Turns over a bit of what arrives next on the streams between two nodes, in each direction.
+    pub fn corrupt(&mut self, one: NodeId, two: NodeId) {
+        for (stream, _) in self.streams_between(one, two) {
+            if let Some(open) = self.streams.get_mut(&stream) {
+                open.ends.iter_mut().for_each(|end| end.corrupt = true);
+            }
+        }
+    }
+
     /// Ends one end of a stream, and tells the machine there.
     fn end_loudly(&mut self, stream: u64, side: usize) {
         let Some(open) = self.streams.get(&stream) else {

@@ -62,6 +62,8 @@ pub(crate) struct End {
     /// Whether nothing waits to be written by this end.
     pub(crate) all_written: bool,
     pub(crate) wish: Option<Wish>,
+    /// A bit of what arrives next is turned over.
+    pub(crate) corrupt: bool,
 }
 
 /// How an end is to be closed.
@@ -112,6 +114,7 @@ impl Stream {
             taken: 0,
             all_written: true,
             wish: None,
+            corrupt: false,
         };
         Stream {
             ends: ends.map(end),
@@ -197,7 +200,12 @@ impl Sim {
             match open.ends[side].arriving.pop_front() {
                 Some((_, Item::Octets(octets))) => {
                     let mut inbox = std::mem::take(&mut open.ends[side].inbox);
+                    let before = inbox.len();
                     inbox.extend_from_slice(&octets);
+                    if std::mem::take(&mut open.ends[side].corrupt) {
+                        let octet = open.random.usize(before..inbox.len());
+                        inbox[octet] ^= 1 << open.random.u8(0..8);
+                    }
                     let unread = &mut inbox;
                     self.with(node, |machine, now| machine.received(now, conn, unread));
                     if let Some(open) = self.streams.get_mut(&stream) {

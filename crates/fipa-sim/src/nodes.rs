@@ -1,11 +1,22 @@
 //! Nodes: made, restarted, discovered.
 
+use std::time::Duration;
+
 use fipa_acl::Text;
 use fipa_directory::{Address, Directory, InstanceId};
 use fipa_mts::{Config, Machine, Mts, Program, ProgramConfig};
 
 use crate::node::{Collected, Node, NodeId, Recipe, Running};
 use crate::sim::Sim;
+
+/// What mDNS tells of a daemon.
+#[derive(Clone)]
+struct Announcement {
+    of: NodeId,
+    instance: InstanceId,
+    name: Text,
+    addresses: Vec<Address>,
+}
 
 impl Sim {
     /// A daemon with the usual settings on a host of its own.
@@ -145,22 +156,60 @@ impl Sim {
 
     /// mDNS: every daemon that is there finds this one, if it is there.
     pub fn discover(&mut self, found: NodeId) {
-        let Running::Daemon(mts) = &self.nodes[found.0].running else {
+        let Some(announcement) = self.announcement(found) else {
             return;
         };
-        let config = mts.config();
-        let (instance, name) = (config.instance, config.name.clone());
-        let addresses = config.endpoints.clone();
         for node in (0..self.nodes.len()).map(NodeId) {
-            let there = &self.nodes[node.0];
-            if node == found || there.frozen || self.is_cut(node, found) {
+            self.hear(node, &announcement);
+        }
+    }
+
+    /// mDNS on a bad network: what every daemon says goes to every other as a packet of its own, of
+    /// which one in four is lost and one in eight comes twice. They take up to a second, so that
+    /// they overtake each other and arrive after the end of who sent them.
+    pub fn discover_badly(&mut self) {
+        for found in (0..self.nodes.len()).map(NodeId) {
+            let Some(announcement) = self.announcement(found) else {
                 continue;
+            };
+            for node in (0..self.nodes.len()).map(NodeId) {
+                let copies = match self.random.u8(0..8) {
+                    0 | 1 => 0,
+                    2 => 2,
+                    _ => 1,
+                };
+                for _ in 0..copies {
+                    let delay = Duration::from_millis(self.random.u64(0..1000));
+                    let announcement = announcement.clone();
+                    self.after(delay, move |sim| sim.hear(node, &announcement));
+                }
             }
-            let now = self.now;
-            if let Running::Daemon(mts) = &mut self.nodes[node.0].running {
-                mts.discovered(now, instance, name.clone(), addresses.clone());
-                self.settle(node);
-            }
+        }
+    }
+
+    /// What mDNS tells of a node, if a daemon runs there.
+    fn announcement(&self, of: NodeId) -> Option<Announcement> {
+        let Running::Daemon(mts) = &self.nodes[of.0].running else {
+            return None;
+        };
+        let config = mts.config();
+        Some(Announcement {
+            of,
+            instance: config.instance,
+            name: config.name.clone(),
+            addresses: config.endpoints.clone(),
+        })
+    }
+
+    fn hear(&mut self, node: NodeId, said: &Announcement) {
+        if node == said.of || self.nodes[node.0].frozen || self.is_cut(node, said.of) {
+            return;
+        }
+        let now = self.now;
+        if let Running::Daemon(mts) = &mut self.nodes[node.0].running {
+            let (name, addresses) = (said.name.clone(), said.addresses.clone());
+            mts.discovered(now, said.instance, name, addresses);
+            self.settle(node);
         }
     }
 

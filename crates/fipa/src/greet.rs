@@ -94,6 +94,7 @@ pub(crate) async fn greet_by(
         endpoints: Vec::new(),
         max_letter: 0,
         unix_millis: clock.now().unix_millis,
+        checks: false,
     };
     let (answer, answered) = oneshot::channel();
     let handle = Arc::new(Handle::default());

@@ -143,7 +143,7 @@ impl Mts {
         control: bool,
         far: FarEnd,
     ) {
-        let mut config = LinkConfig::new(self.hello(now, far.same_host));
+        let mut config = LinkConfig::new(self.hello(now, far.same_host, control));
         if let Some((Some(Purpose::Seed(seed)), _)) = dialled
             && self.is_given_with_letter(seed)
         {
@@ -355,7 +355,7 @@ impl Mts {
         endpoints.map(Address::to_text).collect()
     }
 
-    pub(super) fn hello(&self, now: Now, same_host: bool) -> Hello {
+    pub(super) fn hello(&self, now: Now, same_host: bool, control: bool) -> Hello {
         Hello {
             version: Hello::VERSION,
             role: Role::Daemon,
@@ -365,6 +365,7 @@ impl Mts {
             endpoints: self.endpoints_for(same_host),
             max_letter: self.config.max_letter as u64,
             unix_millis: now.unix_millis,
+            checks: !control,
         }
     }
 

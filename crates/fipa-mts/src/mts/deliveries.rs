@@ -43,7 +43,11 @@ pub(super) enum Origin {
         letter: Box<Returnable>,
     },
     /// Nobody: it is such a notice itself, to this agent.
-    Notice { to: Text },
+    Notice {
+        to: Text,
+        /// The stored letter that it is about, if it is about one.
+        stored: Option<u64>,
+    },
 }
 
 /// A letter whose outcomes are being collected.
@@ -321,7 +325,7 @@ impl Mts {
                 self.tell_of_caller(from, octets, &outcomes);
                 self.return_letter(now, &letter, &outcomes);
             }
-            Origin::Notice { to } => self.tell_of_notice(&to, &outcomes),
+            Origin::Notice { to, stored } => self.tell_of_notice(now, (&to, stored), &outcomes),
         }
     }
 

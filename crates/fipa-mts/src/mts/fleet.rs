@@ -77,7 +77,7 @@ impl Mts {
     /// Ends what would be a link, with somebody who is not told who we are.
     pub(super) fn refuse_link(&mut self, now: Now, conn: ConnId, far: FarEnd) {
         let remote = far.remote.clone();
-        let config = LinkConfig::new(self.hello(now, far.same_host));
+        let config = LinkConfig::new(self.hello(now, far.same_host, false));
         let link = Link::refusal(config, now, FLEET);
         self.add_conn(conn, link, None, false, far);
         self.part_silently(conn, FLEET);

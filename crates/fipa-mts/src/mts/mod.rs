@@ -8,6 +8,7 @@ mod deliveries;
 mod dialects;
 mod dialling;
 mod doors;
+mod dropped;
 mod duplicates;
 mod facts;
 mod fleet;
@@ -49,6 +50,7 @@ use self::connections::Conn;
 use self::deliveries::{Delivery, Origin, Pending};
 use self::dialling::Purpose;
 use self::doors::Doors;
+use self::dropped::AllDropped;
 use self::fleet::Fleet;
 use self::gossip::Gossip;
 use self::http::Recent;
@@ -113,6 +115,7 @@ pub struct Mts {
     /// Agents in whose mailboxes letters came lately.
     lately: Lately,
     outbox: Outbox,
+    dropped: AllDropped,
     late: Late,
     /// Who watches, if anybody does.
     tap: Option<Box<Tap>>,
@@ -170,6 +173,7 @@ impl Mts {
             backlog: Backlog::default(),
             lately: Lately::default(),
             outbox: Outbox::default(),
+            dropped: AllDropped::new(),
             late: Late::default(),
             tap: None,
             timers: BTreeSet::new(),

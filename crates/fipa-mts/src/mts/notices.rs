@@ -62,6 +62,18 @@ impl Mts {
         letter: &Returnable,
         outcomes: &[ReceiverOutcome],
     ) {
+        self.return_letter_of(now, letter, outcomes, None);
+    }
+
+    /// The same for a stored letter, which waits until its notice has its outcome. Whether there is
+    /// a notice.
+    pub(super) fn return_letter_of(
+        &mut self,
+        now: Now,
+        letter: &Returnable,
+        outcomes: &[ReceiverOutcome],
+        stored: Option<u64>,
+    ) -> bool {
         let failed: Vec<(Text, Text)> = outcomes
             .iter()
             .filter(|told| !told.outcome.is_success() && !told.reason.starts_with(LOOP))
@@ -70,23 +82,25 @@ impl Mts {
             .take(MAX_NOTICES)
             .collect();
         let Some(sender) = letter.envelope.from().filter(|_| !failed.is_empty()) else {
-            return;
+            return false;
         };
         let message = decode_payload(&letter.envelope, &letter.payload, &self.config.limits);
         let message = match message {
             Ok(message) if failure::is_wanted(&message) => message,
-            Ok(_) => return,
+            Ok(_) => return false,
             Err(error) => {
                 let reason =
                     format!("its sender is not told, as its payload is unreadable: {error}");
-                return self.notice_lost(sender, letter.payload.len(), &reason);
+                self.notice_lost(sender, letter.payload.len(), &reason);
+                return false;
             }
         };
         let service = self.teller(letter.dialect);
         for (receiver, why) in failed {
             let told = failure::notice(&service, sender, &message, &receiver, &why);
-            self.send_notice(now, letter, sender, &told);
+            self.send_notice(now, letter, (sender, stored), &told);
         }
+        true
     }
 
     /// Who tells: the AMS, in whose name services speak (SC00067F section 4); to links and
@@ -98,17 +112,29 @@ impl Mts {
         }
     }
 
-    fn send_notice(&mut self, now: Now, letter: &Returnable, to: &AgentId, notice: &Message) {
+    fn send_notice(
+        &mut self,
+        now: Now,
+        letter: &Returnable,
+        (to, stored): (&AgentId, Option<u64>),
+        notice: &Message,
+    ) {
         let given = payload_representation(&letter.envelope, &letter.payload);
         let representation = given.unwrap_or(Representation::String);
         match self.notice_letter(now, letter.dialect, representation, to, notice) {
             Ok(inbound) => {
                 let origin = Origin::Notice {
                     to: to.name.clone(),
+                    stored,
                 };
                 self.take_in(now, origin, inbound, Terms::patient_within(TIMEOUT));
             }
-            Err(reason) => self.notice_lost(to, 0, &reason),
+            Err(reason) => {
+                self.notice_lost(to, 0, &reason);
+                if let Some(key) = stored {
+                    self.dropped_told(now, key, true);
+                }
+            }
         }
     }
 
@@ -161,7 +187,19 @@ impl Mts {
     }
 
     /// What became of a notice. Nobody is told of a failure to tell of a failure.
-    pub(super) fn tell_of_notice(&mut self, to: &Text, outcomes: &[ReceiverOutcome]) {
+    pub(super) fn tell_of_notice(
+        &mut self,
+        now: Now,
+        (to, stored): (&Text, Option<u64>),
+        outcomes: &[ReceiverOutcome],
+    ) {
+        let arrives = |told: &ReceiverOutcome| told.outcome.is_success() || Mts::is_stored(told);
+        let arrived = outcomes.iter().all(arrives);
+        if let Some(key) = stored
+            && !self.dropped_told(now, key, arrived)
+        {
+            return;
+        }
         for told in outcomes.iter().filter(|told| !told.outcome.is_success()) {
             let reason = format!("its sender could not be told: {}", told.reason);
             self.notice_lost(&AgentId::new(to.clone()), 0, &reason);

@@ -22,9 +22,8 @@ use fipa_codec::{bit_efficient, decode_payload};
 use fipa_directory::{InstanceId, Now, Source, State};
 use fipa_link::{Outcome, ReceiverOutcome};
 
-use super::deliveries::{Origin, Target};
+use super::deliveries::{Delivery, Origin, Target};
 use super::neighbours::owner_of;
-use super::notices::Returnable;
 use super::routing::{Route, Terms};
 use super::{Mts, Timer};
 use crate::machine::{Notice, Output, REPLY_BY, is_full};
@@ -83,6 +82,9 @@ struct Item {
     delivery: Option<u64>,
     /// It is on its way, or queued for a link.
     sending: bool,
+    /// It went out, in this run or perhaps in an earlier one, and no receipt came: somebody may have
+    /// it.
+    went_out: bool,
     /// It is not tried again before.
     not_before: Duration,
     /// What was handed to the disk.
@@ -212,6 +214,7 @@ impl Mts {
                 size: letter.octets.len(),
                 delivery: None,
                 sending: false,
+                went_out: true,
                 not_before: Duration::ZERO,
                 kept: None,
                 refusal: None,
@@ -302,14 +305,18 @@ impl Mts {
 
     fn put_into_outbox(&mut self, id: u64, sending: bool) {
         let key = self.outbox.base + id;
+        let delivery = self.deliveries.get(&id);
+        let went_out = delivery.is_some_and(Delivery::was_written);
         if let Some(item) = self.outbox.items.get_mut(&key) {
             item.sending = sending;
+            item.went_out |= went_out;
         } else if let Some((to, size)) = self.receiver_of(id) {
             let item = Item {
                 to,
                 size,
                 delivery: Some(id),
                 sending,
+                went_out,
                 not_before: Duration::ZERO,
                 kept: None,
                 refusal: None,
@@ -528,13 +535,14 @@ impl Mts {
         self.remove_from_outbox(now, key);
     }
 
-    fn remove_from_outbox(&mut self, now: Now, key: u64) -> Option<Kept> {
-        let (to, kept) = self.outbox.remove(key)?;
+    fn remove_from_outbox(&mut self, now: Now, key: u64) {
+        let Some((to, kept)) = self.outbox.remove(key) else {
+            return;
+        };
         if kept.is_some() {
             self.outputs.push_back(Output::Unstore(key));
         }
         self.run_outbox(now, &to);
-        kept
     }
 
     /// What became of a letter that was sent out of the store.
@@ -555,41 +563,26 @@ impl Mts {
             Outcome::Refused if is_full(told) => self.tick_outbox(now),
             Outcome::Refused | Outcome::Expired => self.drop_stored(now, key, &told.reason),
             // It was away again before it said that it has it.
-            Outcome::Unknown | Outcome::Timeout => self.tick_outbox(now),
+            Outcome::Timeout => {
+                item.went_out = true;
+                self.tick_outbox(now);
+            }
+            Outcome::Unknown => self.tick_outbox(now),
         }
     }
 
     /// Gives a stored letter up, and says so.
     fn drop_stored(&mut self, now: Now, key: u64, reason: &str) {
-        let Some(kept) = self.remove_from_outbox(now, key) else {
+        let item = self.outbox.items.get(&key);
+        let outcome = match item.is_some_and(|item| item.went_out) {
+            true => Outcome::Timeout,
+            false => Outcome::Refused,
+        };
+        let Some((to, Some(kept))) = self.outbox.remove(key) else {
             return;
         };
-        self.stored_letter_dropped(now, &kept.letter, Text::from(reason));
-    }
-
-    /// The one place at which a letter is lost whose sender was told that it is stored.
-    fn stored_letter_dropped(&mut self, now: Now, letter: &StoredLetter, reason: Text) {
-        let limits = &self.config.limits;
-        let read = bit_efficient::decode_envelope(&letter.octets, limits).ok();
-        let from = read
-            .as_ref()
-            .and_then(|(e, _)| Some(e.from()?.name.detached()));
-        self.notice(Notice::StoredLetterDropped {
-            from: from.unwrap_or_default(),
-            to: letter.to.clone(),
-            octets: letter.octets.len(),
-            reason: reason.clone(),
-        });
-        if let Some((envelope, at)) = read {
-            let kept = Returnable::stored(envelope, letter.octets.slice(at..));
-            let outcome = ReceiverOutcome {
-                to: letter.to.clone(),
-                outcome: Outcome::Refused,
-                via: None,
-                reason,
-            };
-            self.return_letter(now, &kept, &[outcome]);
-        }
+        self.stored_letter_dropped(now, kept.letter, outcome, Text::from(reason));
+        self.run_outbox(now, &to);
     }
 
     /// Sends what waits for a receiver, if that is there.
@@ -630,6 +623,7 @@ impl Mts {
             return false;
         };
         item.sending = true;
+        item.went_out |= item.delivery.is_some();
         match (item.delivery, &item.kept) {
             (Some(id), _) => self.reroute(now, id),
             (None, Some(kept)) => {
@@ -664,11 +658,12 @@ impl Mts {
         self.add_delivery(now, (id, pending, 0), Target::Away, parts, None, &terms);
         if let Some(item) = self.outbox.items.get_mut(&key) {
             item.delivery = Some(id);
+            item.went_out = true;
         }
         self.reroute(now, id);
     }
 
-    fn tick_outbox(&mut self, now: Now) {
+    pub(super) fn tick_outbox(&mut self, now: Now) {
         if !std::mem::replace(&mut self.outbox.ticking, true) {
             self.timer(now.mono + PAUSE, Timer::Outbox);
         }
@@ -697,6 +692,7 @@ impl Mts {
         for (key, reason) in overdue {
             self.drop_stored(now, key, &reason);
         }
+        self.tell_all_dropped(now);
         self.run_whole_outbox(now);
         if !self.outbox.items.is_empty() {
             self.tick_outbox(now);

@@ -1,6 +1,7 @@
 //! What the tests share.
 #![allow(dead_code)] // Each test takes what it needs.
 
+use std::ops::Range;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
@@ -16,6 +17,16 @@ pub(crate) const fn secs(seconds: u64) -> Duration {
 
 pub(crate) const fn millis(millis: u64) -> Duration {
     Duration::from_millis(millis)
+}
+
+/// The seeds that are tried: so many, or what `FIPA_SEEDS` says, from `FIPA_FIRST_SEED` on.
+pub(crate) fn seeds(usual: u64) -> Range<u64> {
+    let given = |name: &str| {
+        let number = std::env::var(name).ok();
+        number.map(|number| number.parse::<u64>().expect("a number"))
+    };
+    let first = given("FIPA_FIRST_SEED").unwrap_or_default();
+    first..first + given("FIPA_SEEDS").unwrap_or(usual)
 }
 
 /// Daemons named `d0`, `d1`, … that have discovered each other.
@@ -101,6 +112,7 @@ impl Raw {
             endpoints: Vec::new(),
             max_letter: 1 << 20,
             unix_millis: now.unix_millis,
+            checks: role == Role::Daemon,
         };
         let mut raw = Raw {
             mts: Mts::new(config),
