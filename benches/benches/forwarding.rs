@@ -29,9 +29,9 @@ const SINK: &str = "sink@bench";
 /// Octets that are written at once.
 const BATCH: usize = 64 << 10;
 
-/// Agents and links that do nothing.
+/// Agents and links that do nothing. More links of one address are not let in.
 const IDLE_AGENTS: usize = 10_000;
-const IDLE_LINKS: usize = 2_000;
+const IDLE_LINKS: usize = 1_000;
 
 fn main() -> ExitCode {
     if daemons::is_daemon() {

@@ -65,6 +65,7 @@ impl Partner {
         loop {
             let mut some = [0; 1024];
             let octets = partner.stream.read(&mut some).expect("the daemon");
+            assert!(octets > 0, "the daemon closed the link");
             received.extend_from_slice(&some[..octets]);
             let event = link.receive(Now::default(), &mut received);
             if let Some(Event::Opened(_)) = event.expect("a link") {
@@ -150,7 +151,7 @@ fn confirm(id: u64, agent: &'static str, out: &mut BytesMut) {
         via: None,
         reason: Text::default(),
     };
-    let outcomes = vec![outcome];
+    let outcomes = outcome.into();
     Frame::Receipt { id, outcomes }.encode(out);
 }
 

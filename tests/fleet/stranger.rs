@@ -87,6 +87,7 @@ impl Intrusion {
             endpoints: Vec::new(),
             max_letter: 1 << 20,
             unix_millis: 0,
+            checks: false,
         };
         let mut link = Link::new(LinkConfig::new(hello), now);
         link.send(now, Frame::Directory(self.directory()));

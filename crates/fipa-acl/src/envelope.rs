@@ -107,6 +107,17 @@ impl Envelope {
         }
     }
 
+    /// Empties every slot. The lists of receivers keep their memory, for the next envelope that is
+    /// read into this one.
+    pub fn clear(&mut self) {
+        let mut base = std::mem::take(&mut self.base);
+        base.to.clear();
+        base.intended_receiver.clear();
+        self.base.to = base.to;
+        self.base.intended_receiver = base.intended_receiver;
+        self.overlays.clear();
+    }
+
     /// The layers, newest first.
     pub fn layers(&self) -> impl DoubleEndedIterator<Item = &Slots> {
         std::iter::once(&self.base).chain(&self.overlays).rev()

@@ -5,7 +5,7 @@ use fipa_directory::{Entry, InstanceId, Location, Source, State};
 use crate::check;
 use crate::wire::{FrameError, Reader, put_list, put_octets, put_text};
 use crate::{
-    AskCallBack, CalledBack, Facts, Hello, KnownPlatform, Parts, ReceiverOutcome, Sniffed,
+    AskCallBack, CalledBack, Facts, Hello, KnownPlatform, Outcomes, Parts, ReceiverOutcome, Sniffed,
 };
 
 /// One frame of a link.
@@ -20,7 +20,7 @@ pub enum Frame {
         /// The number of the letter.
         id: u64,
         /// One outcome a receiver.
-        outcomes: Vec<ReceiverOutcome>,
+        outcomes: Outcomes,
     },
     /// A program asks to register an agent.
     Attach {
@@ -149,6 +149,8 @@ impl LetterFrame {
 impl Frame {
     const HELLO: u8 = 1;
 
+    const RECEIPT: u8 = 3;
+
     /// The kind of the frame that ends a link.
     pub(crate) const GOODBYE: u8 = 11;
 
@@ -169,6 +171,18 @@ impl Frame {
         letter
     }
 
+    /// Appends a [`Frame::Receipt`].
+    pub(crate) fn encode_receipt(
+        id: u64,
+        outcomes: &[ReceiverOutcome],
+        out: &mut BytesMut,
+        checked: bool,
+    ) {
+        let body = check::begin(out, Frame::RECEIPT, checked);
+        put_receipt(id, outcomes, out);
+        check::finish(out, body, checked, &Parts::default());
+    }
+
     /// Reads a frame from its kind and body. A letter shares the body's buffer.
     pub fn decode(kind: u8, body: Bytes) -> Result<Frame, FrameError> {
         if kind == Frame::HELLO {
@@ -181,7 +195,7 @@ impl Frame {
                 ttl_millis: r.u32()?,
                 parts: r.rest().into(),
             }),
-            3 => Frame::Receipt {
+            Frame::RECEIPT => Frame::Receipt {
                 id: r.u64()?,
                 outcomes: r.list(ReceiverOutcome::read)?,
             },
@@ -220,7 +234,7 @@ impl Frame {
         match self {
             Frame::Hello(_) => Frame::HELLO,
             Frame::Letter(_) => 2,
-            Frame::Receipt { .. } => 3,
+            Frame::Receipt { .. } => Frame::RECEIPT,
             Frame::Attach { .. } => 4,
             Frame::Detach { .. } => 5,
             Frame::Answer { .. } => 6,
@@ -250,10 +264,7 @@ impl Frame {
                 out.put_u32(letter.ttl_millis);
                 return letter.put_overlays(out);
             }
-            Frame::Receipt { id, outcomes } => {
-                out.put_u64(id);
-                put_list(out, &outcomes, ReceiverOutcome::put);
-            }
+            Frame::Receipt { id, outcomes } => put_receipt(id, &outcomes, out),
             Frame::Attach {
                 request,
                 name,
@@ -289,10 +300,15 @@ impl Frame {
     }
 }
 
+fn put_receipt(id: u64, outcomes: &[ReceiverOutcome], out: &mut BytesMut) {
+    out.put_u64(id);
+    put_list(out, outcomes, ReceiverOutcome::put);
+}
+
 fn name_of(kind: u8) -> &'static str {
     match kind {
         2 => "letter",
-        3 => "receipt",
+        Frame::RECEIPT => "receipt",
         4 => "attach",
         5 => "detach",
         6 => "answer",

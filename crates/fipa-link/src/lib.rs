@@ -43,7 +43,7 @@ pub use facts::{Facts, PeerFacts};
 pub use frame::{DirectoryFrame, DirectoryItem, Frame, LetterFrame};
 pub use hello::{Hello, Role};
 pub use link::{Event, Link, LinkConfig, LinkError};
-pub use outcome::{Outcome, ReceiverOutcome};
+pub use outcome::{Outcome, Outcomes, ReceiverOutcome};
 pub use parts::Parts;
 pub use platforms::KnownPlatform;
 pub use sniffed::{Inside, Passed, Sniffed};

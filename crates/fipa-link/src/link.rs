@@ -7,7 +7,7 @@ use fipa_directory::Now;
 use crate::check::{Check, Head};
 use crate::incoming::Incoming;
 use crate::outgoing::Outgoing;
-use crate::{Frame, FrameError, Hello, PREAMBLE, Role};
+use crate::{Frame, FrameError, Hello, PREAMBLE, ReceiverOutcome, Role};
 
 /// Octets of a frame beside the letter in it, at most.
 const FRAME_OVERHEAD: usize = 64 << 10;
@@ -181,6 +181,12 @@ impl Link {
         }
         self.last_sent = now.mono;
         self.out.push(frame);
+    }
+
+    /// Queues a [`Frame::Receipt`].
+    pub fn send_receipt(&mut self, now: Now, id: u64, outcomes: &[ReceiverOutcome]) {
+        self.last_sent = now.mono;
+        self.out.push_receipt(id, outcomes);
     }
 
     /// The next octets to write.

@@ -1,4 +1,5 @@
 use std::fmt;
+use std::ops::Deref;
 
 use bytes::{BufMut, BytesMut};
 use fipa_acl::Text;
@@ -68,6 +69,78 @@ pub struct ReceiverOutcome {
     pub via: Option<Text>,
     /// Why it did not arrive; empty when it did.
     pub reason: Text,
+}
+
+/// What became of a letter, receiver by receiver. Most have one, which takes no memory of its own.
+#[derive(Clone, Debug)]
+pub struct Outcomes(Held);
+
+#[derive(Clone, Debug)]
+enum Held {
+    One([ReceiverOutcome; 1]),
+    Many(Vec<ReceiverOutcome>),
+}
+
+impl Outcomes {
+    /// Adds the outcome for one more receiver.
+    pub fn push(&mut self, outcome: ReceiverOutcome) {
+        self.0 = match std::mem::take(self).0 {
+            Held::One([first]) => Held::Many(vec![first, outcome]),
+            Held::Many(none) if none.is_empty() => Held::One([outcome]),
+            Held::Many(mut outcomes) => {
+                outcomes.push(outcome);
+                Held::Many(outcomes)
+            }
+        };
+    }
+}
+
+impl Default for Outcomes {
+    fn default() -> Outcomes {
+        Outcomes(Held::Many(Vec::new()))
+    }
+}
+
+impl Deref for Outcomes {
+    type Target = [ReceiverOutcome];
+
+    fn deref(&self) -> &[ReceiverOutcome] {
+        match &self.0 {
+            Held::One(one) => one,
+            Held::Many(outcomes) => outcomes,
+        }
+    }
+}
+
+impl PartialEq for Outcomes {
+    fn eq(&self, other: &Outcomes) -> bool {
+        **self == **other
+    }
+}
+
+impl Eq for Outcomes {}
+
+impl From<ReceiverOutcome> for Outcomes {
+    fn from(outcome: ReceiverOutcome) -> Outcomes {
+        Outcomes(Held::One([outcome]))
+    }
+}
+
+impl From<Outcomes> for Vec<ReceiverOutcome> {
+    fn from(outcomes: Outcomes) -> Vec<ReceiverOutcome> {
+        match outcomes.0 {
+            Held::One(one) => Vec::from(one),
+            Held::Many(outcomes) => outcomes,
+        }
+    }
+}
+
+impl FromIterator<ReceiverOutcome> for Outcomes {
+    fn from_iter<I: IntoIterator<Item = ReceiverOutcome>>(outcomes: I) -> Outcomes {
+        let mut all = Outcomes::default();
+        outcomes.into_iter().for_each(|outcome| all.push(outcome));
+        all
+    }
 }
 
 impl ReceiverOutcome {

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use bytes::{Bytes, BytesMut};
 
-use crate::Frame;
+use crate::{Frame, ReceiverOutcome};
 
 /// Octets of the buffer in which frames and the heads of letters are written: of a link at rest,
 /// and of one that is at work.
@@ -47,6 +47,13 @@ impl Outgoing {
             self.parts.extend(letter);
             self.octets += octets;
         }
+    }
+
+    pub(crate) fn push_receipt(&mut self, id: u64, outcomes: &[ReceiverOutcome]) {
+        self.make_room();
+        let before = self.tail.len();
+        Frame::encode_receipt(id, outcomes, &mut self.tail, self.checked);
+        self.octets += self.tail.len() - before;
     }
 
     /// The next octets to write.

@@ -1,11 +1,14 @@
-use std::iter::{Chain, Once, once};
+use std::iter::{Chain, once};
+use std::option;
+use std::vec;
 
 use bytes::Bytes;
 
-/// Octets in parts that follow each other. One part takes no memory of its own.
+/// Octets in parts that follow each other. Up to two parts take no memory of their own.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Parts {
     first: Bytes,
+    second: Option<Bytes>,
     more: Vec<Bytes>,
 }
 
@@ -17,23 +20,29 @@ impl Parts {
 
     /// Appends a part.
     pub fn push(&mut self, part: Bytes) {
-        match self.first.is_empty() {
-            true => self.first = part,
-            false => self.more.push(part),
+        if self.first.is_empty() {
+            self.first = part;
+        } else if self.second.is_none() {
+            self.second = Some(part);
+        } else {
+            self.more.push(part);
         }
     }
 
     /// The parts in their order.
     pub fn iter(&self) -> impl Iterator<Item = &Bytes> {
-        once(&self.first).chain(&self.more)
+        once(&self.first).chain(&self.second).chain(&self.more)
     }
 
     /// Takes the first part if it is not the last and has no more octets than this.
     pub(crate) fn take_small(&mut self, octets: usize) -> Option<Bytes> {
-        if self.first.len() > octets || self.more.is_empty() {
+        if self.first.len() > octets {
             return None;
         }
-        let next = self.more.remove(0);
+        let next = self.second.take()?;
+        if !self.more.is_empty() {
+            self.second = Some(self.more.remove(0));
+        }
         Some(std::mem::replace(&mut self.first, next))
     }
 }
@@ -42,7 +51,7 @@ impl From<Bytes> for Parts {
     fn from(part: Bytes) -> Parts {
         Parts {
             first: part,
-            more: Vec::new(),
+            ..Parts::default()
         }
     }
 }
@@ -57,9 +66,13 @@ impl FromIterator<Bytes> for Parts {
 
 impl IntoIterator for Parts {
     type Item = Bytes;
-    type IntoIter = Chain<Once<Bytes>, std::vec::IntoIter<Bytes>>;
+    type IntoIter =
+        Chain<Chain<option::IntoIter<Bytes>, option::IntoIter<Bytes>>, vec::IntoIter<Bytes>>;
 
     fn into_iter(self) -> Self::IntoIter {
-        once(self.first).chain(self.more)
+        Some(self.first)
+            .into_iter()
+            .chain(self.second)
+            .chain(self.more)
     }
 }

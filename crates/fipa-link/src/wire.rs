@@ -93,19 +93,15 @@ impl Reader {
     }
 
     /// A list behind its count. Each item takes an octet at least, which bounds what is reserved.
-    pub(crate) fn list<T>(
+    pub(crate) fn list<T, L: FromIterator<T>>(
         &mut self,
         mut item: impl FnMut(&mut Reader) -> Result<T, FrameError>,
-    ) -> Result<Vec<T>, FrameError> {
+    ) -> Result<L, FrameError> {
         let count = self.u32()? as usize;
         if count > self.body.len() {
             return Err(FrameError::Short(self.frame));
         }
-        let mut items = Vec::new();
-        for _ in 0..count {
-            items.push(item(self)?);
-        }
-        Ok(items)
+        (0..count).map(|_| item(self)).collect()
     }
 
     /// A value behind its length; what this version does not know of it is passed over.

@@ -219,8 +219,12 @@ fn frame() -> impl Strategy<Value = Frame> {
                 ttl_millis,
                 parts: Bytes::from(octets).into(),
             })),
-        (any::<u64>(), prop::collection::vec(outcome(), 0..5))
-            .prop_map(|(id, outcomes)| Frame::Receipt { id, outcomes }),
+        (any::<u64>(), prop::collection::vec(outcome(), 0..5)).prop_map(|(id, outcomes)| {
+            Frame::Receipt {
+                id,
+                outcomes: outcomes.into_iter().collect(),
+            }
+        }),
         (any::<u64>(), text(), text(), text()).prop_map(|(request, name, kind, description)| {
             Frame::Attach {
                 request,

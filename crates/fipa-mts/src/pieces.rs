@@ -3,19 +3,25 @@
 use bytes::{Bytes, BytesMut};
 use fipa_acl::Envelope;
 use fipa_codec::{DecodeError, Limits, bit_efficient};
+use smallvec::{SmallVec, smallvec};
 
-/// Reads the envelope and tells where the payload begins. The envelope is in the first part, unless
-/// it is very long: then the parts become one.
+/// The octets of a letter, in parts that follow each other. Most have one part, or two with our
+/// stamp in front: these take no memory of their own.
+pub(crate) type Pieces = SmallVec<[Bytes; 2]>;
+
+/// Reads the envelope into one that is there, and tells where the payload begins. The envelope is in
+/// the first part, unless it is very long: then the parts become one.
 pub(crate) fn read_envelope(
-    parts: &mut Vec<Bytes>,
+    parts: &mut Pieces,
     limits: &Limits,
-) -> Result<(Envelope, usize), DecodeError> {
+    envelope: &mut Envelope,
+) -> Result<usize, DecodeError> {
     let first = parts.first().cloned().unwrap_or_default();
-    match bit_efficient::decode_envelope(&first, limits) {
+    match bit_efficient::decode_envelope_into(&first, limits, envelope) {
         Err(_) if parts.len() > 1 => {
             let whole = joined(parts, 0);
-            *parts = vec![whole.clone()];
-            bit_efficient::decode_envelope(&whole, limits)
+            *parts = smallvec![whole.clone()];
+            bit_efficient::decode_envelope_into(&whole, limits, envelope)
         }
         read => read,
     }
@@ -77,9 +83,11 @@ mod tests {
         let head = out.take_bytes();
         let whole = Bytes::from([&head[..], b"payload"].concat());
         for cut in [1, 20, head.len() - 1, head.len(), head.len() + 3] {
-            let mut parts = vec![whole.slice(..cut), whole.slice(cut..)];
-            let read = read_envelope(&mut parts, &Limits::default());
-            assert_eq!(read, Ok((envelope.clone(), head.len())), "cut after {cut}");
+            let mut parts = smallvec![whole.slice(..cut), whole.slice(cut..)];
+            let mut read = Envelope::default();
+            let begin = read_envelope(&mut parts, &Limits::default(), &mut read);
+            assert_eq!(begin, Ok(head.len()), "cut after {cut}");
+            assert_eq!(read, envelope);
             assert_eq!(joined(&parts, head.len()), "payload");
         }
     }

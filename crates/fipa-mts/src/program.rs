@@ -4,12 +4,12 @@ use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
-use fipa_acl::{Letter, Text};
+use fipa_acl::{Envelope, Letter, Text};
 use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Directory, InstanceId, Now, Record};
 use fipa_link::{
     AskCallBack, DirectoryFrame, Event, Frame, Hello, LetterFrame, Link, LinkConfig, Outcome,
-    ReceiverOutcome, Role,
+    Outcomes, ReceiverOutcome, Role,
 };
 
 use crate::machine::{
@@ -259,8 +259,9 @@ impl Program {
     fn on_letter(&mut self, now: Now, frame: LetterFrame) {
         let id = frame.id;
         let mut parts = frame.parts.into_iter().collect();
-        let outcomes = match read_envelope(&mut parts, &self.config.limits) {
-            Ok((envelope, payload)) => {
+        let mut envelope = Envelope::default();
+        let outcomes = match read_envelope(&mut parts, &self.config.limits, &mut envelope) {
+            Ok(payload) => {
                 let letter = Letter {
                     envelope,
                     payload: joined(&parts, payload),
@@ -269,14 +270,14 @@ impl Program {
             }
             Err(error) => {
                 let reason = format!("the envelope cannot be read: {error}");
-                vec![outcome("", Outcome::Refused, &reason)]
+                outcome("", Outcome::Refused, &reason).into()
             }
         };
         self.send(now, Frame::Receipt { id, outcomes });
     }
 
-    fn put_into_mailboxes(&mut self, now: Now, letter: Letter) -> Vec<ReceiverOutcome> {
-        let mut outcomes = Vec::new();
+    fn put_into_mailboxes(&mut self, now: Now, letter: Letter) -> Outcomes {
+        let mut outcomes = Outcomes::default();
         let copy = LetterId::of_copy(&letter.envelope);
         for receiver in letter.envelope.intended_receiver() {
             let name = &receiver.name;
@@ -302,10 +303,10 @@ impl Program {
         outcomes
     }
 
-    fn on_receipt(&mut self, id: u64, outcomes: Vec<ReceiverOutcome>) {
+    fn on_receipt(&mut self, id: u64, outcomes: Outcomes) {
         if let Some(sent) = self.letters.remove(&id) {
             self.deadlines.remove(&(sent.deadline, id));
-            let ticket = sent.ticket;
+            let (ticket, outcomes) = (sent.ticket, outcomes.into());
             self.outputs.push_back(Output::Outcome { ticket, outcomes });
         }
     }
@@ -414,11 +415,11 @@ impl Program {
         if octets as u64 > self.daemon_max {
             let max = self.daemon_max;
             let why = format!("a letter of {octets} octets is larger than the {max} it takes");
-            self.on_receipt(id, vec![outcome("", Outcome::Refused, &why)]);
+            self.on_receipt(id, outcome("", Outcome::Refused, &why).into());
             return;
         }
         if sent.expires && now.mono + MARGIN >= sent.deadline {
-            self.on_receipt(id, vec![outcome("", Outcome::Expired, REPLY_BY)]);
+            self.on_receipt(id, outcome("", Outcome::Expired, REPLY_BY).into());
             return;
         }
         sent.transmitted = true;
@@ -452,7 +453,7 @@ impl Program {
         fate.sort_unstable();
         for id in fate {
             let why = format!("the daemon went away before it said what became of it: {reason}");
-            self.on_receipt(id, vec![outcome("", Outcome::Timeout, &why)]);
+            self.on_receipt(id, outcome("", Outcome::Timeout, &why).into());
         }
         if self.given_up {
             return;
@@ -477,7 +478,7 @@ impl Program {
         self.given_up = true;
         for id in std::mem::take(&mut self.waiting) {
             let why = "there is no daemon at the control socket";
-            self.on_receipt(id, vec![outcome("", Outcome::Timeout, why)]);
+            self.on_receipt(id, outcome("", Outcome::Timeout, why).into());
         }
         let requests = std::mem::take(&mut self.requests);
         for ticket in requests.into_values().filter_map(|(_, ticket)| ticket) {
@@ -587,7 +588,7 @@ impl Machine for Program {
             };
             self.waiting.retain(|waiting| *waiting != id);
             self.deadlines.remove(&(at, id));
-            self.on_receipt(id, vec![outcome("", told, reason)]);
+            self.on_receipt(id, outcome("", told, reason).into());
         }
         if self.tidy_at.is_some_and(|at| at <= now.mono) {
             self.tidy_at = None;

@@ -72,10 +72,22 @@ pub fn encode_message_as(
 /// Reads the envelope (SC00088D section 2) at the beginning of the input, and tells where its
 /// payload begins.
 pub fn decode_envelope(bytes: &Bytes, limits: &Limits) -> Result<(Envelope, usize), DecodeError> {
-    let mut reader = Reader::new(bytes, limits);
     let mut envelope = Envelope::default();
-    reader.envelope(&mut envelope)?;
-    Ok((envelope, reader.position()))
+    let begin = decode_envelope_into(bytes, limits, &mut envelope)?;
+    Ok((envelope, begin))
+}
+
+/// Reads the envelope at the beginning of the input into one that is there, whose memory is used
+/// again; tells where the payload begins. On an error the envelope holds a part of what was read.
+pub fn decode_envelope_into(
+    bytes: &Bytes,
+    limits: &Limits,
+    envelope: &mut Envelope,
+) -> Result<usize, DecodeError> {
+    let mut reader = Reader::new(bytes, limits);
+    envelope.clear();
+    reader.envelope(envelope)?;
+    Ok(reader.position())
 }
 
 /// The layers of the envelope (SC00088D section 2) at the beginning of the input as they stand

@@ -14,6 +14,7 @@ use fipa_codec::{
 };
 use fipa_directory::Now;
 use fipa_link::{Outcome, PREAMBLE, ReceiverOutcome};
+use smallvec::smallvec;
 
 use super::connections::FarEnd;
 use super::deliveries::Origin;
@@ -287,7 +288,7 @@ fn read_letter(now: Now, octets: Bytes, limits: &Limits) -> Result<Inbound, Stri
         return inbound(now, envelope, payload, "tcp").map_err(|e| unreadable(&e));
     }
     Ok(Inbound {
-        parts: vec![octets],
+        parts: smallvec![octets],
         envelope,
         payload: at,
         from: None,
@@ -315,7 +316,7 @@ pub(super) fn inbound(
     let head = head.take_bytes();
     Ok(Inbound {
         payload: head.len(),
-        parts: vec![head, payload],
+        parts: smallvec![head, payload],
         envelope,
         from: None,
         via: Some(via),

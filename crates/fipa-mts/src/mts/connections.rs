@@ -1,12 +1,12 @@
 //! Connections: from the first octet to the hello, from the last frame to the end.
 
-use std::collections::BTreeSet;
+use std::collections::HashSet;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now};
-use fipa_link::{Event, Frame, Hello, Link, LinkConfig, Role};
+use fipa_link::{Event, Frame, Hello, Link, LinkConfig, ReceiverOutcome, Role};
 
 use super::call_backs::Asker;
 use super::dialling::Purpose;
@@ -40,12 +40,17 @@ const DEAF: &str = "it does not read what it is sent";
 /// service of another make reads until the end of the stream, and does nothing else meanwhile.
 const PROBE: Duration = Duration::from_secs(2);
 
+/// Numbers of letters that wait for their receipts, in no order.
+pub(super) type Outstanding = HashSet<u64, foldhash::fast::RandomState>;
+
 /// A connection.
 #[derive(Debug)]
 pub(super) struct Conn {
     pub(super) link: Link,
     /// Where it was dialled to.
     pub(super) address: Option<Address>,
+    /// What the receipts of letters name that go out on it.
+    pub(super) via: Text,
     purpose: Option<Purpose>,
     /// Nothing has come over it yet.
     mute: bool,
@@ -56,7 +61,7 @@ pub(super) struct Conn {
     pub(super) identity: Option<Text>,
     pub(super) partner: Partner,
     /// Letters that went out on it and wait for their receipts.
-    pub(super) outstanding: BTreeSet<u64>,
+    pub(super) outstanding: Outstanding,
     /// No new letters go out on it; it closes once it has nothing outstanding.
     pub(super) retired: bool,
     /// We have said that it is the only link while another one was being greeted, which the partner
@@ -178,6 +183,9 @@ impl Mts {
             conn,
             Conn {
                 link,
+                via: address
+                    .as_ref()
+                    .map_or(Text::from_static("local"), Address::to_text),
                 address,
                 purpose,
                 mute: true,
@@ -186,7 +194,7 @@ impl Mts {
                 remote,
                 identity,
                 partner: Partner::Unknown,
-                outstanding: BTreeSet::new(),
+                outstanding: Outstanding::default(),
                 retired: false,
                 claimed: false,
                 unfinished: None,
@@ -254,10 +262,30 @@ impl Mts {
 
     /// Queues a frame.
     pub(super) fn send(&mut self, now: Now, conn: ConnId, frame: Frame) {
+        if let Some(open) = self.conns.get_mut(&conn) {
+            open.link.send(now, frame);
+            self.was_queued(conn);
+        }
+    }
+
+    /// Queues what became of a letter that came over a connection.
+    pub(super) fn send_receipt(
+        &mut self,
+        now: Now,
+        conn: ConnId,
+        id: u64,
+        outcomes: &[ReceiverOutcome],
+    ) {
+        if let Some(open) = self.conns.get_mut(&conn) {
+            open.link.send_receipt(now, id, outcomes);
+            self.was_queued(conn);
+        }
+    }
+
+    fn was_queued(&mut self, conn: ConnId) {
         let Some(open) = self.conns.get_mut(&conn) else {
             return;
         };
-        open.link.send(now, frame);
         let most = self.config.queue_octets.max(self.config.max_letter) + UNREAD;
         match open.link.queued() > most && open.parted.is_none() {
             true => {

@@ -5,17 +5,18 @@ use std::time::Duration;
 use bytes::Bytes;
 use fipa_acl::Text;
 use fipa_directory::{InstanceId, Now};
-use fipa_link::{Frame, LetterFrame, Outcome, ReceiverOutcome};
+use fipa_link::{Frame, LetterFrame, Outcome, Outcomes, ReceiverOutcome};
+use smallvec::SmallVec;
 
+use super::Mts;
 use super::connections::Partner;
 use super::dialects::Foreign;
 use super::notices::Returnable;
 use super::routing::{Inbound, Terms};
 use super::seen::SeenLetter;
-use super::{Mts, Timer};
 use crate::machine::{ConnId, Output, REPLY_BY};
 use crate::outbox::LetterId;
-use crate::pieces::read_envelope;
+use crate::pieces::{Pieces, read_envelope};
 use crate::{MailboxFull, Urgency};
 
 /// Who is told what became of a letter.
@@ -54,9 +55,15 @@ pub(super) enum Origin {
 #[derive(Debug)]
 pub(super) struct Pending {
     origin: Origin,
-    receivers: Vec<Text>,
-    outcomes: Vec<Option<ReceiverOutcome>>,
+    receivers: SmallVec<[Receiver; 1]>,
     open: usize,
+}
+
+/// A receiver of a letter, and what became of its copy.
+#[derive(Debug)]
+struct Receiver {
+    name: Text,
+    told: Option<ReceiverOutcome>,
 }
 
 /// A copy of a letter for one receiver.
@@ -67,7 +74,7 @@ pub(super) struct Delivery {
     pub(super) target: Target,
     /// The connection it went out on; `None` while it waits.
     sent: Option<ConnId>,
-    pub(super) parts: Vec<Bytes>,
+    pub(super) parts: Pieces,
     /// What is needed where it may go to a service of another make.
     pub(super) foreign: Option<Box<Foreign>>,
     pub(super) deadline: Duration,
@@ -141,9 +148,10 @@ impl Mts {
                 (origin, name, false)
             }
         };
-        let mut parts = frame.parts.into_iter().collect();
-        match read_envelope(&mut parts, &self.config.limits) {
-            Ok((envelope, payload)) => {
+        let mut parts: Pieces = frame.parts.into_iter().collect();
+        let mut envelope = std::mem::take(&mut self.spare);
+        match read_envelope(&mut parts, &self.config.limits, &mut envelope) {
+            Ok(payload) => {
                 if let Origin::Peer { instance, late, .. } = &mut origin {
                     *late = Mts::late_letter(*instance, id, &envelope);
                     let instance = *instance;
@@ -183,7 +191,7 @@ impl Mts {
         match seen.cloned() {
             None => false,
             Some(SeenLetter::Done(outcomes)) => {
-                self.send(now, conn, Frame::Receipt { id, outcomes });
+                self.send_receipt(now, conn, id, &outcomes);
                 true
             }
             Some(SeenLetter::Pending(pending)) => {
@@ -233,15 +241,19 @@ impl Mts {
                 self.late.set(late, SeenLetter::Pending(pending));
             }
         }
-        self.pending.insert(
-            pending,
-            Pending {
-                origin,
-                receivers: receivers.iter().map(|r| name(r).detached()).collect(),
-                outcomes: receivers.iter().map(|_| None).collect(),
-                open: receivers.len(),
-            },
-        );
+        let receivers: SmallVec<_> = receivers
+            .iter()
+            .map(|receiver| Receiver {
+                name: name(receiver).detached(),
+                told: None,
+            })
+            .collect();
+        let opened = Pending {
+            origin,
+            open: receivers.len(),
+            receivers,
+        };
+        self.pending.insert(pending, opened);
         pending
     }
 
@@ -270,17 +282,14 @@ impl Mts {
         let Some(collected) = self.pending.get_mut(&pending) else {
             return;
         };
-        let (Some(place), Some(to)) = (
-            collected.outcomes.get_mut(slot),
-            collected.receivers.get(slot),
-        ) else {
+        let Some(receiver) = collected.receivers.get_mut(slot) else {
             return;
         };
-        if place.is_none() {
+        if receiver.told.is_none() {
             collected.open -= 1;
         }
-        *place = Some(ReceiverOutcome {
-            to: to.clone(),
+        receiver.told = Some(ReceiverOutcome {
+            to: receiver.name.clone(),
             outcome,
             via,
             reason,
@@ -288,7 +297,8 @@ impl Mts {
         if collected.open == 0
             && let Some(collected) = self.pending.remove(&pending)
         {
-            let outcomes: Vec<_> = collected.outcomes.into_iter().flatten().collect();
+            let told = collected.receivers.into_iter();
+            let outcomes: Outcomes = told.filter_map(|receiver| receiver.told).collect();
             if self.tap.is_some() {
                 self.tap_outcomes(now, pending, &outcomes);
             }
@@ -296,25 +306,26 @@ impl Mts {
         }
     }
 
-    fn tell(&mut self, now: Now, origin: Origin, outcomes: Vec<ReceiverOutcome>) {
+    fn tell(&mut self, now: Now, origin: Origin, outcomes: Outcomes) {
         match origin {
             Origin::Ticket(ticket) => {
+                let outcomes = outcomes.into();
                 self.outputs.push_back(Output::Outcome { ticket, outcomes });
             }
-            Origin::Program { conn, id } => self.send(now, conn, Frame::Receipt { id, outcomes }),
+            Origin::Program { conn, id } => self.send_receipt(now, conn, id, &outcomes),
             Origin::Peer {
                 instance,
                 conn,
                 id,
                 late,
             } => {
+                self.send_receipt(now, conn, id, &outcomes);
                 if let Some(late) = late {
                     self.late.set(late, SeenLetter::Done(outcomes.clone()));
                 }
                 if let Some(seen) = self.seen.get_mut(&instance) {
-                    seen.set(id, SeenLetter::Done(outcomes.clone()));
+                    seen.set(id, SeenLetter::Done(outcomes));
                 }
-                self.send(now, conn, Frame::Receipt { id, outcomes });
             }
             Origin::Outbox(key) => self.outbox_told(now, key, &outcomes),
             Origin::Caller {
@@ -336,7 +347,7 @@ impl Mts {
         now: Now,
         place: (u64, u64, usize),
         target: Target,
-        parts: Vec<Bytes>,
+        parts: Pieces,
         foreign: Option<Box<Foreign>>,
         terms: &Terms,
     ) {
@@ -365,11 +376,12 @@ impl Mts {
         now: Now,
         (id, pending, slot): (u64, u64, usize),
         target: Target,
-        parts: Vec<Bytes>,
+        parts: Pieces,
         foreign: Option<Box<Foreign>>,
         terms: &Terms,
     ) {
         let deadline = now.mono + terms.timeout;
+        let timer = self.first_look(deadline, terms.timeout);
         let delivery = Delivery {
             pending,
             slot,
@@ -378,15 +390,15 @@ impl Mts {
             parts,
             foreign,
             deadline,
-            timer: self.first_look(deadline, terms.timeout),
+            timer,
             expires: terms.expires,
             patient: terms.patient,
             sender: terms.sender.clone(),
             urgency: terms.urgency,
             via: None,
         };
-        self.timer(delivery.timer, Timer::Delivery(id));
         self.deliveries.insert(id, delivery);
+        self.set_timer_of(id, timer);
     }
 
     /// Whether a copy was stored, and its sender told so.
@@ -438,13 +450,7 @@ impl Mts {
     }
 
     /// The receipt for a letter that went out on a connection.
-    pub(super) fn receipt(
-        &mut self,
-        now: Now,
-        conn: ConnId,
-        id: u64,
-        outcomes: Vec<ReceiverOutcome>,
-    ) {
+    pub(super) fn receipt(&mut self, now: Now, conn: ConnId, id: u64, outcomes: Outcomes) {
         let delivery = self.deliveries.get(&id);
         let delivery = delivery.filter(|delivery| delivery.sent == Some(conn));
         let has_left = |told: &ReceiverOutcome| {
@@ -476,8 +482,8 @@ impl Mts {
     pub(super) fn receiver_of(&self, id: u64) -> Option<(Text, usize)> {
         let delivery = self.deliveries.get(&id)?;
         let pending = self.pending.get(&delivery.pending)?;
-        let name = pending.receivers.get(delivery.slot)?;
-        Some((name.clone(), delivery.octets()))
+        let receiver = pending.receivers.get(delivery.slot)?;
+        Some((receiver.name.clone(), delivery.octets()))
     }
 
     /// A connection owes no receipt for this letter any more.
@@ -502,7 +508,6 @@ impl Mts {
         let Some(delivery) = self.deliveries.remove(&id) else {
             return;
         };
-        self.timers.remove(&(delivery.timer, Timer::Delivery(id)));
         let octets = delivery.octets();
         self.forget_waiting(now, id, &delivery);
         let Delivery {
@@ -538,7 +543,7 @@ impl Mts {
         }
         let pending = self.pending.get(&ended.pending);
         let receiver = pending.and_then(|pending| pending.receivers.get(ended.slot));
-        if let Some(receiver) = receiver.cloned() {
+        if let Some(receiver) = receiver.map(|receiver| receiver.name.clone()) {
             self.leave_backlog(now, &receiver, id);
         }
     }
@@ -547,9 +552,9 @@ impl Mts {
     pub(super) fn renew(&mut self, id: u64) -> Option<u64> {
         let delivery = self.deliveries.remove(&id)?;
         let renewed = self.id();
-        self.timers.remove(&(delivery.timer, Timer::Delivery(id)));
-        self.timer(delivery.timer, Timer::Delivery(renewed));
+        let timer = delivery.timer;
         self.deliveries.insert(renewed, delivery);
+        self.set_timer_of(renewed, timer);
         Some(renewed)
     }
 

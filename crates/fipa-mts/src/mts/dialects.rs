@@ -8,7 +8,7 @@ use fipa_codec::{
 };
 use fipa_directory::{Address, MESSAGE_TRANSPORT};
 
-use crate::pieces::joined;
+use crate::pieces::{Pieces, joined};
 
 /// The signature type of the bridge to JADE.
 const JADE_BRIDGE: &str = "JadeProxyAgent";
@@ -23,7 +23,7 @@ pub(super) struct Foreign {
     /// Our stamp and the receiver.
     pub(super) overlay: Slots,
     /// The letter as it came: a bit-efficient envelope, within the first part, and its payload.
-    pub(super) parts: Vec<Bytes>,
+    pub(super) parts: Pieces,
     /// Where the payload begins.
     pub(super) payload: usize,
     /// Where it goes; empty: where the receiver is announced.

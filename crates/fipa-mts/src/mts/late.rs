@@ -8,7 +8,6 @@ use std::collections::{HashMap, VecDeque};
 
 use fipa_acl::Envelope;
 use fipa_directory::{InstanceId, Now};
-use fipa_link::Frame;
 
 use super::Mts;
 use super::deliveries::Origin;
@@ -76,7 +75,7 @@ impl Mts {
         let known = self.late.letters.get(&letter).or_else(first).cloned();
         match known {
             Some(SeenLetter::Done(outcomes)) if outcomes.iter().all(|o| o.outcome.is_success()) => {
-                self.send(now, conn, Frame::Receipt { id, outcomes });
+                self.send_receipt(now, conn, id, &outcomes);
                 true
             }
             Some(SeenLetter::Pending(pending)) => {

@@ -4,6 +4,7 @@ mod backlog;
 mod call_backs;
 mod callers;
 mod connections;
+mod deadlines;
 mod deliveries;
 mod dialects;
 mod dialling;
@@ -28,6 +29,7 @@ mod programs;
 mod routing;
 mod seeds;
 mod seen;
+mod stamps;
 mod sync;
 mod tap;
 mod waiting;
@@ -38,15 +40,17 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
-use fipa_acl::{Letter, Text};
+use fipa_acl::{Envelope, Letter, Text};
 use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Directory, InstanceId, Now};
 use fipa_link::{CallBack, Outcome};
+use smallvec::smallvec;
 
 use self::backlog::Backlog;
 use self::call_backs::CallBacks;
 use self::callers::Caller;
 use self::connections::Conn;
+use self::deadlines::Deadlines;
 use self::deliveries::{Delivery, Origin, Pending};
 use self::dialling::Purpose;
 use self::doors::Doors;
@@ -64,6 +68,7 @@ use self::programs::Local;
 use self::routing::{Inbound, Terms};
 use self::seeds::Seeds;
 use self::seen::Seen;
+use self::stamps::Stamps;
 use self::tap::Tap;
 use crate::machine::{
     ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostFailure, PostId, REPLY_BY,
@@ -107,9 +112,11 @@ pub struct Mts {
     dials: HashMap<DialId, Purpose>,
     locals: HashMap<Text, Local>,
     /// Letters taken in whose outcomes are not all known.
-    pending: HashMap<u64, Pending>,
+    pending: Numbered<Pending>,
     /// Copies of letters on their way to one receiver each.
-    deliveries: HashMap<u64, Delivery>,
+    deliveries: Numbered<Delivery>,
+    /// When each of them is looked at.
+    deadlines: Deadlines,
     held: Held,
     backlog: Backlog,
     /// Agents in whose mailboxes letters came lately.
@@ -123,9 +130,20 @@ pub struct Mts {
     outputs: VecDeque<Output>,
     random: fastrand::Rng,
     next_id: u64,
-    /// What the numbers of our stamps begin with.
-    own_stamp: String,
+    stamps: Stamps,
+    /// Memory for the envelope of the next letter.
+    spare: Envelope,
     closing: bool,
+}
+
+/// What has a number that this service, or a peer, has given it.
+type Numbered<T> = HashMap<u64, T, foldhash::fast::RandomState>;
+
+/// Whether this is when a copy is looked at.
+fn has_timer(deliveries: &Numbered<Delivery>, at: Duration, id: u64) -> bool {
+    deliveries
+        .get(&id)
+        .is_some_and(|delivery| delivery.timer == at)
 }
 
 /// What a timer is for. A timer that fires too early does no harm: its owner looks again.
@@ -133,7 +151,6 @@ pub struct Mts {
 enum Timer {
     Caller(ConnId),
     Conn(ConnId),
-    Delivery(u64),
     Peer(InstanceId),
     Seed(u64),
     Seen(InstanceId),
@@ -167,8 +184,9 @@ impl Mts {
             recent: Recent::default(),
             dials: HashMap::new(),
             locals: HashMap::new(),
-            pending: HashMap::new(),
-            deliveries: HashMap::new(),
+            pending: Numbered::default(),
+            deliveries: Numbered::default(),
+            deadlines: Deadlines::default(),
             held: Held::default(),
             backlog: Backlog::default(),
             lately: Lately::default(),
@@ -180,7 +198,8 @@ impl Mts {
             outputs: VecDeque::new(),
             random: fastrand::Rng::with_seed(config.seed),
             next_id: 0,
-            own_stamp: format!("{}:", config.instance),
+            stamps: Stamps::new(config.instance),
+            spare: Envelope::default(),
             closing: false,
             config,
         }
@@ -207,6 +226,37 @@ impl Mts {
 
     fn timer(&mut self, at: Duration, timer: Timer) {
         self.timers.insert((at, timer));
+    }
+
+    fn fire_timers(&mut self, now: Now) {
+        while let Some((at, timer)) = self.timers.pop_first() {
+            if at > now.mono {
+                self.timers.insert((at, timer));
+                break;
+            }
+            match timer {
+                Timer::Caller(conn) => self.caller_timeout(now, conn),
+                Timer::Conn(conn) => self.conn_timeout(now, conn),
+                Timer::Peer(instance) => self.peer_timeout(now, instance),
+                Timer::Seed(seed) => self.seed_timeout(now, seed),
+                Timer::Seen(instance) => self.seen_timeout(now, instance),
+                Timer::Held => self.held_timeout(now),
+                Timer::Gossip => self.gossip_timeout(now),
+                Timer::Room(receiver) => self.room_timeout(now, &receiver),
+                Timer::Mailboxes => self.tidy_mailboxes(),
+                Timer::Outbox => self.outbox_timeout(now),
+            }
+        }
+    }
+
+    /// A copy is to be looked at then, and not at the time that was set before.
+    fn set_timer_of(&mut self, id: u64, at: Duration) {
+        let deliveries = &mut self.deliveries;
+        if let Some(delivery) = deliveries.get_mut(&id) {
+            delivery.timer = at;
+            let is_open = |at, id| has_timer(deliveries, at, id);
+            self.deadlines.note(at, id, deliveries.len(), is_open);
+        }
     }
 }
 
@@ -257,28 +307,19 @@ impl Machine for Mts {
 
     fn poll_timeout(&self) -> Option<Duration> {
         let first = self.timers.first().map(|(at, _)| *at);
-        first.into_iter().chain(self.directory.poll_timeout()).min()
+        let others = [self.deadlines.next(), self.directory.poll_timeout()];
+        others.into_iter().flatten().chain(first).min()
     }
 
     fn handle_timeout(&mut self, now: Now) {
-        while let Some((at, timer)) = self.timers.pop_first() {
-            if at > now.mono {
-                self.timers.insert((at, timer));
-                break;
-            }
-            match timer {
-                Timer::Caller(conn) => self.caller_timeout(now, conn),
-                Timer::Conn(conn) => self.conn_timeout(now, conn),
-                Timer::Delivery(id) => self.delivery_timeout(now, id),
-                Timer::Peer(instance) => self.peer_timeout(now, instance),
-                Timer::Seed(seed) => self.seed_timeout(now, seed),
-                Timer::Seen(instance) => self.seen_timeout(now, instance),
-                Timer::Held => self.held_timeout(now),
-                Timer::Gossip => self.gossip_timeout(now),
-                Timer::Room(receiver) => self.room_timeout(now, &receiver),
-                Timer::Mailboxes => self.tidy_mailboxes(),
-                Timer::Outbox => self.outbox_timeout(now),
-            }
+        let due = |mts: &mut Mts| {
+            let is_open = |at, id| has_timer(&mts.deliveries, at, id);
+            mts.deadlines.take_due(now.mono, is_open)
+        };
+        self.fire_timers(now);
+        while let Some(id) = due(self) {
+            self.delivery_timeout(now, id);
+            self.fire_timers(now);
         }
         self.directory.handle_timeout(now);
         self.publish_changes(now);
@@ -335,7 +376,7 @@ impl Machine for Mts {
         let head = head.take_bytes();
         let inbound = Inbound {
             payload: head.len(),
-            parts: vec![head, payload],
+            parts: smallvec![head, payload],
             envelope,
             from: None,
             via: None,

@@ -211,7 +211,9 @@ impl Mts {
         };
         let mut released = peer.waiting.take_all();
         let links = peer.links.iter().filter_map(|conn| self.conns.get(conn));
-        released.extend(links.flat_map(|open| &open.outstanding));
+        let mut sent: Vec<u64> = links.flat_map(|open| &open.outstanding).copied().collect();
+        sent.sort_unstable();
+        released.extend(sent);
         for id in released {
             let Some(delivery) = self.deliveries.get(&id) else {
                 continue;

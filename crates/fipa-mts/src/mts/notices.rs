@@ -13,6 +13,7 @@ use fipa_codec::{
 };
 use fipa_directory::Now;
 use fipa_link::{Outcome, ReceiverOutcome};
+use smallvec::smallvec;
 
 use super::Mts;
 use super::callers::TIMEOUT;
@@ -166,7 +167,7 @@ impl Mts {
         let head = head.take_bytes();
         Ok(Inbound {
             payload: head.len(),
-            parts: vec![head, payload],
+            parts: smallvec![head, payload],
             envelope,
             from: None,
             via: None,

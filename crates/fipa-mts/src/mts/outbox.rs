@@ -21,6 +21,7 @@ use fipa_acl::Text;
 use fipa_codec::{bit_efficient, decode_payload};
 use fipa_directory::{InstanceId, Now, Source, State};
 use fipa_link::{Outcome, ReceiverOutcome};
+use smallvec::smallvec;
 
 use super::deliveries::{Delivery, Origin, Target};
 use super::neighbours::owner_of;
@@ -355,16 +356,8 @@ impl Mts {
             return;
         };
         let deadline = delivery.deadline;
-        self.look_again(id, deadline);
+        self.set_timer_of(id, deadline);
         self.store(now, id);
-    }
-
-    fn look_again(&mut self, id: u64, at: Duration) {
-        if let Some(delivery) = self.deliveries.get_mut(&id) {
-            let before = std::mem::replace(&mut delivery.timer, at);
-            self.timers.remove(&(before, Timer::Delivery(id)));
-            self.timer(at, Timer::Delivery(id));
-        }
     }
 
     /// Begins to store a copy; whether that is under way.
@@ -463,7 +456,7 @@ impl Mts {
         }
         let patience = deadline + DISK_PATIENCE;
         if now.mono < patience {
-            self.look_again(id, patience);
+            self.set_timer_of(id, patience);
             return true;
         }
         if let Some(item) = self.outbox.items.get_mut(&key) {
@@ -491,15 +484,13 @@ impl Mts {
             return;
         };
         let (pending, slot, via) = (delivery.pending, delivery.slot, delivery.via.clone());
-        let timer = delivery.timer;
         if let Some(new) = new {
             // A link has it already, in its place among the others.
             (delivery.pending, delivery.slot) = (new, 0);
             delivery.deadline = now.mono + SENDING;
-            self.look_again(id, now.mono + SENDING);
+            self.set_timer_of(id, now.mono + SENDING);
         } else {
             let ended = self.deliveries.remove(&id);
-            self.timers.remove(&(timer, Timer::Delivery(id)));
             if let Some(ended) = ended {
                 self.forget_waiting(now, id, &ended);
             }
@@ -654,7 +645,7 @@ impl Mts {
         };
         let pending = self.open_pending(Origin::Outbox(key), &[letter.to], Text::clone);
         let id = self.id();
-        let parts = vec![letter.octets];
+        let parts = smallvec![letter.octets];
         self.add_delivery(now, (id, pending, 0), Target::Away, parts, None, &terms);
         if let Some(item) = self.outbox.items.get_mut(&key) {
             item.delivery = Some(id);

@@ -17,7 +17,7 @@ use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now, Source, State};
 use fipa_link::{Frame, Hello, Outcome};
 
-use super::connections::{Conn, ONLY, Partner};
+use super::connections::{Conn, ONLY, Outstanding, Partner};
 use super::dialling::{Dialling, Purpose};
 use super::{Mts, Timer};
 use crate::machine::{Announced, ConnId, Notice, Output};
@@ -114,17 +114,8 @@ impl Mts {
 
     /// The address that a receipt names for what goes out on a connection.
     pub(super) fn conn_via(&self, conn: ConnId) -> Text {
-        let Some(open) = self.conns.get(&conn) else {
-            return Text::default();
-        };
-        match (&open.address, &open.partner) {
-            (Some(address), _) => address.to_text(),
-            (None, Partner::Daemon { instance, .. }) => {
-                let known = self.peers.get(*instance).and_then(|p| p.known.first());
-                known.map_or(Text::from_static("tcp://"), Address::to_text)
-            }
-            (None, _) => Text::from_static("local"),
-        }
+        let open = self.conns.get(&conn);
+        open.map(|open| open.via.clone()).unwrap_or_default()
     }
 
     /// A peer has said hello.
@@ -153,6 +144,10 @@ impl Mts {
             if !peer.known.contains(&endpoint) {
                 peer.known.push(endpoint);
             }
+        }
+        if let Some(open) = self.conns.get_mut(&conn) {
+            let first = peer.known.first();
+            open.via = first.map_or(Text::from_static("tcp://"), Address::to_text);
         }
         peer.links.push(conn);
         let first = peer.links.len() == 1;
@@ -194,7 +189,7 @@ impl Mts {
         now: Now,
         instance: InstanceId,
         conn: ConnId,
-        outstanding: BTreeSet<u64>,
+        outstanding: Outstanding,
         reason: &str,
     ) {
         // They keep their numbers: whoever has them already will say so.

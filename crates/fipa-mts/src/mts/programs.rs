@@ -1,11 +1,10 @@
 //! Programs on the control socket, and the agents that they attach.
 
-use std::collections::BTreeSet;
-
 use fipa_acl::Text;
 use fipa_directory::Now;
 use fipa_link::{Frame, Outcome};
 
+use super::connections::Outstanding;
 use super::{Mts, Timer};
 use crate::Mailbox;
 use crate::machine::{ConnId, Output, Registration};
@@ -79,7 +78,7 @@ impl Mts {
     }
 
     /// A program's connection ended: its agents go, and so does what was on its way to them.
-    pub(super) fn program_ended(&mut self, now: Now, conn: ConnId, lost: BTreeSet<u64>) {
+    pub(super) fn program_ended(&mut self, now: Now, conn: ConnId, lost: Outstanding) {
         let held = |local: &Local| matches!(local, Local::Program(holder) if *holder == conn);
         let mut names: Vec<Text> = self
             .locals
@@ -91,6 +90,8 @@ impl Mts {
         for name in names {
             self.remove_local(now, &name);
         }
+        let mut lost: Vec<u64> = lost.into_iter().collect();
+        lost.sort_unstable();
         for id in lost {
             let reason = "its program ended before it said that it took the letter";
             self.finish(now, id, Outcome::Timeout, Text::from_static(reason));

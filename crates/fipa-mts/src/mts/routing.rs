@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use fipa_acl::{AgentId, Envelope, FipaTime, Letter, Received, Slots, Text};
-use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::{Address, Field, InstanceId, Now, Pattern, Source};
 use fipa_link::Outcome;
+use smallvec::{SmallVec, smallvec};
 
 use super::Mts;
 use super::deliveries::{Origin, Target};
@@ -17,11 +17,14 @@ use super::posting::preference;
 use super::programs::Local;
 use crate::Urgency;
 use crate::machine::ConnId;
-use crate::pieces::joined;
+use crate::pieces::{Pieces, joined};
 
 /// Stamps that a letter may bear before it is taken for one that travels in circles (SC00067F
 /// section 4 leaves the number open).
 const MAX_HOPS: usize = 32;
+
+/// Receivers for whom memory is kept.
+const SPARE: usize = 16;
 
 /// What the reason begins with when a letter travels in circles: nobody is told of that by a notice.
 pub(super) const LOOP: &str = "the letter travels in circles: ";
@@ -33,7 +36,7 @@ pub(super) const POSTED: &str = "http";
 #[derive(Debug)]
 pub(super) struct Inbound {
     /// Its octets, in parts that follow each other. They are passed on as they are.
-    pub(super) parts: Vec<Bytes>,
+    pub(super) parts: Pieces,
     pub(super) envelope: Envelope,
     /// Where the payload begins.
     pub(super) payload: usize,
@@ -142,11 +145,21 @@ impl Mts {
         for (slot, resolved) in resolved.into_iter().enumerate() {
             self.start(now, (pending, slot), &inbound, resolved, &terms);
         }
+        self.keep_spare(inbound.envelope);
+    }
+
+    /// Keeps the memory of an envelope for the next one, unless it is much.
+    fn keep_spare(&mut self, mut envelope: Envelope) {
+        let lists = [&envelope.base.to, &envelope.base.intended_receiver];
+        if lists.iter().all(|list| list.capacity() <= SPARE) {
+            envelope.clear();
+            self.spare = envelope;
+        }
     }
 
     /// Whether we have stamped the letter before.
     fn has_been_here(&self, envelope: &Envelope) -> bool {
-        let ours = |id: &Text| id.starts_with(self.own_stamp.as_str());
+        let ours = |id: &Text| self.stamps.is_own(id);
         envelope
             .stamps()
             .any(|stamp| stamp.id.as_ref().is_some_and(ours))
@@ -164,18 +177,17 @@ impl Mts {
     }
 
     /// Every agent that the letter is for, once each.
-    fn resolve_all(&self, now: Now, inbound: &Inbound) -> Vec<Resolved> {
+    fn resolve_all(&self, now: Now, inbound: &Inbound) -> SmallVec<[Resolved; 1]> {
         let sender = inbound.envelope.from().map(|from| &from.name);
-        let mut seen: HashSet<Text> = HashSet::new();
-        let mut resolved = Vec::new();
-        for receiver in inbound.envelope.intended_receiver() {
-            for (to, route) in self.resolve(now, receiver, sender, inbound) {
-                if seen.insert(to.name.clone()) {
-                    resolved.push(Resolved { to, route });
-                }
-            }
+        let receivers = inbound.envelope.intended_receiver();
+        let resolve = |receiver| self.resolve(now, receiver, sender, inbound);
+        if let [only] = receivers {
+            return resolve(only);
         }
-        resolved
+        let mut seen: HashSet<Text> = HashSet::new();
+        let all = receivers.iter().flat_map(resolve);
+        all.filter(|resolved| seen.insert(resolved.to.name.clone()))
+            .collect()
     }
 
     /// Exact name first; then the addresses that the receiver brings along; then the services of
@@ -188,32 +200,33 @@ impl Mts {
         receiver: &AgentId,
         sender: Option<&Text>,
         inbound: &Inbound,
-    ) -> Vec<(AgentId, Route)> {
+    ) -> SmallVec<[Resolved; 1]> {
+        let only = |to: AgentId, route| smallvec![Resolved { to, route }];
         if let Some(route) = self.route_to(&receiver.name) {
-            return vec![(receiver.clone(), route)];
+            return only(receiver.clone(), route);
         }
         let posted = inbound.via == Some(POSTED);
         if let Some(name) = self.local_in_another_case(receiver, posted)
             && let Some(route) = self.route_to(&name)
         {
-            return vec![(AgentId::new(name), route)];
+            return only(AgentId::new(name), route);
         }
         let nowhere = |reason: String| {
             let route = Route::Nowhere(Outcome::Unknown, Text::from(reason));
-            vec![(receiver.clone(), route)]
+            only(receiver.clone(), route)
         };
         let elsewhere = self.route_by_addresses(receiver, posted).or_else(|| {
             let mut resolvers = receiver.resolvers.iter();
             resolvers.find_map(|resolver| self.route_to_service_of(resolver, posted))
         });
         if let Some(route) = elsewhere {
-            return vec![(receiver.clone(), route)];
+            return only(receiver.clone(), route);
         }
         if self.is_moving(now, &receiver.name) {
-            return vec![(receiver.clone(), Route::Held)];
+            return only(receiver.clone(), Route::Held);
         }
         if self.is_away(now, &receiver.name) {
-            return vec![(receiver.clone(), Route::Away)];
+            return only(receiver.clone(), Route::Away);
         }
         if !inbound.patterns {
             let here = &self.config.name;
@@ -222,7 +235,7 @@ impl Mts {
         if let Some(name) = self.announced_as(&receiver.name)
             && let Some(route) = self.route_to(&name)
         {
-            return vec![(AgentId::new(name), route)];
+            return only(AgentId::new(name), route);
         }
         let pattern = match Pattern::new(&receiver.name) {
             Ok(pattern) => pattern,
@@ -242,7 +255,11 @@ impl Mts {
         names
             .into_iter()
             .filter(|name| Some(*name) != sender)
-            .filter_map(|name| Some((AgentId::new(name), self.route_to(name)?)))
+            .filter_map(|name| {
+                let route = self.route_to(name)?;
+                let to = AgentId::new(name);
+                Some(Resolved { to, route })
+            })
             .collect()
     }
 
@@ -367,14 +384,15 @@ impl Mts {
             Route::Away => (Target::Away, None),
         };
         let overlay = self.overlay(now, id, inbound, to.clone());
-        let mut head = Encoded::new();
-        if let Err(error) = bit_efficient::encode_overlay(&overlay, &mut head) {
-            let reason = Text::from(error.to_string());
-            self.settle(now, pending, slot, Outcome::Refused, None, reason);
-            return;
+        let mut parts = Pieces::new();
+        match self.stamps.encode(&overlay) {
+            Ok(head) => parts.push(head),
+            Err(error) => {
+                let reason = Text::from(error.to_string());
+                self.settle(now, pending, slot, Outcome::Refused, None, reason);
+                return;
+            }
         }
-        let mut parts = Vec::with_capacity(1 + inbound.parts.len());
-        parts.push(head.take_bytes());
         parts.extend(inbound.parts.iter().cloned());
         let foreign = addresses.map(|addresses| {
             Box::new(Foreign {
@@ -442,7 +460,7 @@ impl Mts {
     }
 
     /// Our stamp, and the receiver that this copy is dedicated to where the letter had others.
-    fn overlay(&self, now: Now, id: u64, inbound: &Inbound, to: AgentId) -> Slots {
+    fn overlay(&mut self, now: Now, id: u64, inbound: &Inbound, to: AgentId) -> Slots {
         let dedicated = match inbound.envelope.intended_receiver() {
             [only] => *only == to,
             _ => false,
@@ -452,7 +470,7 @@ impl Mts {
                 by: self.config.name.clone(),
                 from: inbound.from.clone(),
                 date: FipaTime::from_unix_millis(now.unix_millis),
-                id: Some(Text::from(format!("{}{id}", self.own_stamp))),
+                id: Some(self.stamps.id(id)),
                 via: inbound.via.map(Text::from_static),
                 user_defined: Vec::new(),
             }),

@@ -1,20 +1,20 @@
 //! Letters of a peer that were taken in already: a letter that is sent again over a new link is
 //! answered, not delivered twice.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use fipa_directory::{InstanceId, Now, State};
-use fipa_link::ReceiverOutcome;
+use fipa_link::Outcomes;
 
-use super::{Mts, Timer};
+use super::{Mts, Numbered, Timer};
 
 /// Letters of one peer that are remembered.
 const REMEMBERED: usize = 16_384;
 
 #[derive(Debug, Default)]
 pub(super) struct Seen {
-    letters: HashMap<u64, SeenLetter>,
+    letters: Numbered<SeenLetter>,
     order: VecDeque<u64>,
     /// When the peer was given up last.
     forgotten: Option<Duration>,
@@ -26,7 +26,7 @@ pub(super) enum SeenLetter {
     /// Not known yet: this submission will tell.
     Pending(u64),
     /// The receipt that was given.
-    Done(Vec<ReceiverOutcome>),
+    Done(Outcomes),
 }
 
 impl Seen {

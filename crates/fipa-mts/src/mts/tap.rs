@@ -6,16 +6,17 @@
 
 use std::collections::BTreeMap;
 
-use bytes::Bytes;
 use fipa_acl::{Letter, Text};
 use fipa_codec::{Output as Encoded, bit_efficient};
 use fipa_directory::Now;
 use fipa_link::{Frame, Inside, Passed, ReceiverOutcome, Sniffed};
+use smallvec::smallvec;
 
 use super::Mts;
 use super::connections::Partner;
 use super::routing::Inbound;
 use crate::machine::{ConnId, Output};
+use crate::pieces::Pieces;
 
 /// Octets that wait for a watcher before it loses what comes.
 const MAX_WAITING: usize = 8 << 20;
@@ -41,7 +42,7 @@ struct Taken {
     unix_millis: i64,
     from: Text,
     via: &'static str,
-    parts: Vec<Bytes>,
+    parts: Pieces,
 }
 
 impl Taken {
@@ -117,7 +118,7 @@ impl Mts {
                 unix_millis: now.unix_millis,
                 from: Text::default(),
                 via: "",
-                parts: vec![head.take_bytes(), letter.payload.clone()],
+                parts: smallvec![head.take_bytes(), letter.payload.clone()],
             });
         }
     }

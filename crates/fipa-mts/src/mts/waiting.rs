@@ -10,6 +10,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use fipa_acl::Text;
 
+use super::Numbered;
 use crate::Urgency;
 
 /// What a letter costs its sender beside its octets.
@@ -19,7 +20,7 @@ const LETTER: u64 = 256;
 #[derive(Debug, Default)]
 pub(super) struct Waiting {
     letters: BTreeMap<Turn, Letter>,
-    turns: HashMap<u64, Turn>,
+    turns: Numbered<Turn>,
     senders: HashMap<Text, Share>,
     octets: usize,
     /// How far each urgency has got.

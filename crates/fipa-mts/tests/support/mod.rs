@@ -159,7 +159,7 @@ impl Raw {
             _ => None,
         });
         receipts
-            .flatten()
+            .flat_map(|outcomes| outcomes.iter())
             .map(|o| (o.to.to_string(), o.outcome, o.reason.to_string()))
             .collect()
     }
