@@ -154,6 +154,10 @@ fn usage(error: &clap::Error) -> Result<(), Failure> {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
             streams::write_output(|output| Ok(write!(output, "{error}")?))
         }
+        ErrorKind::MissingSubcommand | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            let missing = "a subcommand is missing; the same with --help lists them";
+            Err(Failure::malformed(missing))
+        }
         _ => Err(Failure::malformed(one_line(&error.to_string()))),
     }
 }

@@ -346,12 +346,10 @@ fn what_is_posted_here_is_not_posted_on() {
         assert_eq!(service.mail("Arm@robot1"), 1);
         let nobody = AgentId::new("nobody@robot1").address(url);
         service.arrive(&nobody, 1, 1).unwrap();
-        assert!(
-            service
-                .posts()
-                .iter()
-                .all(|post| post.address.to_string() != url)
-        );
+        // Its sender is told, where it says.
+        let told = service.post();
+        assert_eq!(told.address.to_string(), "http://10.0.0.9:7778/acc");
+        service.answer(&told, Ok(()));
         assert_eq!(service.mts.letters_under_way(), 0);
     }
 }
