@@ -4,91 +4,232 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use fastrand::Rng;
 use rustix::process::Signal;
 
-use crate::robots::{BOTH, Robots};
-use crate::support::PATIENCE;
+use crate::robots::{BOTH, Member, Robots};
 use crate::support::process::{Ended, Process};
 
-/// A line that a command wrote while it held the counter: its number and what it did.
-type Line = (u64, String);
+/// A line that a command wrote while it held the counter.
+#[derive(Clone, Debug)]
+struct Line {
+    number: u64,
+    what: String,
+    name: String,
+    at: Duration,
+}
 
 fn lines(file: &Path) -> Vec<Line> {
     let text = fs::read_to_string(file).unwrap_or_default();
     let whole = text
         .split_inclusive('\n')
         .filter(|line| line.ends_with('\n'));
-    let words = whole.map(|line| line.trim_end().split_once(' ').unwrap());
-    let line = |(number, what): (&str, &str)| (number.parse().unwrap(), what.to_owned());
-    words.map(line).collect()
+    let line = |line: &str| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let [number, what, name, at] = words[..] else {
+            panic!("{line:?}");
+        };
+        Line {
+            number: number.parse().unwrap(),
+            what: what.to_owned(),
+            name: name.to_owned(),
+            at: Duration::from_nanos(at.parse().unwrap()),
+        }
+    };
+    whole.map(line).collect()
+}
+
+/// The time as `date +%s%N` says it.
+fn now() -> Duration {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap()
 }
 
 /// Nobody writes with a number after somebody wrote with a greater one.
 fn assert_no_overlap(lines: &[Line]) {
     for pair in lines.windows(2) {
-        assert!(pair[0].0 <= pair[1].0, "{lines:?}");
+        assert!(pair[0].number <= pair[1].number, "{lines:?}");
     }
     let mut begun = BTreeMap::new();
-    for (number, what) in lines {
-        if let Some(name) = what.strip_prefix("begins ") {
-            let other = begun.insert(*number, name);
-            assert_eq!(other, None, "{number} was granted twice");
-        }
+    for line in lines.iter().filter(|line| line.what == "begins") {
+        let other = begun.insert(line.number, &line.name);
+        assert_eq!(other, None, "{} was granted twice", line.number);
     }
 }
 
-/// On a machine that is too busy a lease of 0.6 s may end: then the command was told.
+/// On a machine that is too busy a lease of 0.6 s may end, and an owner may be silent for 0.8 s:
+/// then the command was told.
 fn has_ended_well(ended: &Ended) -> bool {
     match ended.code {
         Some(0) => true,
-        Some(1) => ended.only_error().contains("it is lost"),
+        Some(1) => ["it is lost", "its owner"]
+            .iter()
+            .any(|told| ended.only_error().contains(told)),
         _ => false,
     }
 }
 
+/// Turns of one member after the other, of which chance ends some.
+struct Turns<'a> {
+    member: Member,
+    algorithm: &'a str,
+    file: &'a Path,
+    random: Rng,
+    /// When somebody was killed.
+    killed: Vec<(String, Duration)>,
+    finished: usize,
+}
+
+impl<'a> Turns<'a> {
+    fn of(robots: &Robots, at: usize, algorithm: &'a str, file: &'a Path, seed: u64) -> Turns<'a> {
+        Turns {
+            member: robots.member(at),
+            algorithm,
+            file,
+            random: Rng::with_seed(seed.wrapping_add(at as u64)),
+            killed: Vec::new(),
+            finished: 0,
+        }
+    }
+
+    fn start(&self) -> Process {
+        let (name, shown) = (&self.member.name, self.file.display());
+        let say =
+            |what: &str| format!("echo $FIPA_LOCK_FENCING {what} {name} $(date +%s%N) >> {shown}");
+        let script = format!("{}; echo; sleep 0.03; {}", say("begins"), say("ends"));
+        let options = options(self.algorithm);
+        Process::start(self.member.lock("counter", &options, &script))
+    }
+
+    fn take(&mut self) {
+        let mut holder = self.start();
+        let dies = match self.random.u8(0..4) {
+            // Before it has attached, while it waits, while it holds, or when it is done.
+            0 | 1 => {
+                thread::sleep(Duration::from_millis(self.random.u64(0..600)));
+                true
+            }
+            // Right after the grant, unless it is told that there is none.
+            2 => holder.line_or_end().is_some(),
+            _ => false,
+        };
+        if !dies {
+            let ended = holder.wait();
+            assert!(has_ended_well(&ended), "{ended:?}");
+            self.finished += usize::from(ended.code == Some(0));
+            return;
+        }
+        self.killed.push((self.member.name.clone(), now()));
+        holder.kill();
+    }
+}
+
+fn options(algorithm: &str) -> [&str; 4] {
+    ["--heartbeat", "0.2", "--algorithm", algorithm]
+}
+
+/// How long it took until the next one held, where somebody was killed who did.
+fn recoveries(lines: &[Line], killed: &[(String, Duration)]) -> Vec<Duration> {
+    let recovery = |(name, at): &(String, Duration)| {
+        let mut before = lines.iter().filter(|line| line.at < *at);
+        let last = before.rfind(|line| line.name == *name)?;
+        let mut after = lines.iter().filter(|line| line.at > *at);
+        let next = after.find(|line| line.what == "begins")?;
+        (last.what == "begins").then(|| next.at - *at)
+    };
+    let mut recoveries: Vec<Duration> = killed.iter().filter_map(recovery).collect();
+    recoveries.sort();
+    recoveries
+}
+
+fn tell(what: &str, killed: usize, recoveries: &[Duration]) {
+    let median = recoveries.get(recoveries.len() / 2);
+    println!(
+        "{what}: {killed} killed, {} while they held; the next one held after {median:?} (median), \
+         {:?} (longest)",
+        recoveries.len(),
+        recoveries.last()
+    );
+}
+
+/// The seed of a run that is to be repeated, or another one each time.
+fn seed() -> u64 {
+    let given = std::env::var("FIPA_SEED").ok();
+    let seed = given.map_or_else(|| fastrand::u64(..), |seed| seed.parse().unwrap());
+    println!("FIPA_SEED={seed}");
+    seed
+}
+
 #[test]
-fn holders_that_are_killed_are_followed_and_overlap_with_nobody() {
+fn commands_that_are_killed_at_any_moment_are_followed_and_overlap_with_nobody() {
     const TIMES: usize = 12;
+    let seed = seed();
     let robots = Robots::start();
     for algorithm in BOTH {
         let file = robots.place.path(algorithm);
-        let shown = file.display();
-        let options = ["--heartbeat", "0.2", "--algorithm", algorithm];
+        let mut turns = [0, 1, 2].map(|at| Turns::of(&robots, at, algorithm, &file, seed));
         thread::scope(|scope| {
-            for at in 0..3 {
-                let (member, file, options) = (robots.member(at), &file, &options);
-                let begins = format!("begins {}", member.name);
-                let script = format!(
-                    "echo $FIPA_LOCK_FENCING {begins} >> {shown}; \
-                     sleep 0.03; echo $FIPA_LOCK_FENCING ends >> {shown}"
-                );
-                scope.spawn(move || {
-                    for turn in 0..TIMES {
-                        let begun = || lines(file).iter().filter(|l| l.1 == begins).count();
-                        let before = begun();
-                        let holder = Process::start(member.lock("counter", options, &script));
-                        // One in three dies while it holds.
-                        if (turn + at) % 3 > 0 {
-                            let ended = holder.wait();
-                            assert!(has_ended_well(&ended), "{ended:?}");
-                            continue;
-                        }
-                        let since = Instant::now();
-                        while begun() == before {
-                            assert!(since.elapsed() < PATIENCE, "it is stuck");
-                            thread::sleep(Duration::from_millis(2));
-                        }
-                        holder.kill();
-                    }
-                });
+            for turns in &mut turns {
+                scope.spawn(|| (0..TIMES).for_each(|_| turns.take()));
             }
         });
+        let last = robots
+            .member(0)
+            .run(&["--heartbeat", "1", "--algorithm", algorithm], "true");
+        assert_eq!(last.code, Some(0), "{last:?}");
         let lines = lines(&file);
         assert_no_overlap(&lines);
-        let begun = lines.iter().filter(|line| line.1.starts_with("begins"));
-        assert_eq!(begun.count(), 3 * TIMES, "{algorithm}");
+        let ended = lines.iter().filter(|line| line.what == "ends").count();
+        assert!(ended >= turns.iter().map(|turns| turns.finished).sum());
+        let killed: Vec<_> = turns
+            .iter()
+            .flat_map(|turns| turns.killed.clone())
+            .collect();
+        tell(algorithm, killed.len(), &recoveries(&lines, &killed));
+    }
+}
+
+#[test]
+fn a_daemon_that_is_killed_at_any_moment_takes_no_lock_with_it() {
+    const TIMES: usize = 4;
+    let seed = seed();
+    let mut random = Rng::with_seed(seed);
+    let mut robots = Robots::start();
+    let peer = robots.daemons[0].endpoint().to_owned();
+    for algorithm in BOTH {
+        let file = robots.place.path(algorithm);
+        let mut killed = Vec::new();
+        for _ in 0..TIMES {
+            let [one, two, three] =
+                [0, 1, 2].map(|at| Turns::of(&robots, at, algorithm, &file, seed));
+            let (mut dying, others) = (three.start(), [one.start(), two.start()]);
+            if random.bool() {
+                dying.line_or_end();
+            } else {
+                thread::sleep(Duration::from_millis(random.u64(0..600)));
+            }
+            killed.push(("a@robot3".to_owned(), now()));
+            robots.daemons.remove(2).kill();
+            for ended in others.map(Process::wait) {
+                assert!(has_ended_well(&ended), "{ended:?}");
+            }
+            let joining = ["--no-mdns", "--peer", &peer];
+            robots
+                .daemons
+                .push(robots.place.start_with("robot3", &joining));
+            robots.daemons[2].wait_for("locks@robot1");
+            // It was done before, is told, or had not asked yet and does when the daemon is back.
+            let ended = dying.wait();
+            assert!(matches!(ended.code, Some(0 | 1 | 3)), "{ended:?}");
+        }
+        let last = robots
+            .member(2)
+            .run(&["--heartbeat", "1", "--algorithm", algorithm], "true");
+        assert_eq!(last.code, Some(0), "{last:?}");
+        let lines = lines(&file);
+        assert_no_overlap(&lines);
+        tell(algorithm, killed.len(), &recoveries(&lines, &killed));
     }
 }
 

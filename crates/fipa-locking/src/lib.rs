@@ -77,13 +77,9 @@
 //! The probes are the first of each watch; a holder and its owner exchange four more in each
 //! heartbeat, a waiter two with each agent that it waits for.
 //!
-//! ```text
-//!   messages of the algorithm, n = 50; a block for two
-//!   Ricart-Agrawala           █████████████████████████████████████████████████ 98
-//!   Ricart-Agrawala extended  █████████████████████████████████████████████████ 98
-//!   Suzuki-Kasami             █████████████████████████ 50
-//!   Suzuki-Kasami extended    █████████████████████████▌ 51
-//! ```
+#![doc = "<div>"]
+#![doc = include_str!("messages.svg")]
+#![doc = "</div>"]
 //!
 //! # Example
 //!

@@ -23,6 +23,11 @@ impl Post {
     }
 
     #[cfg(test)]
+    pub(crate) fn counter(&self) -> u64 {
+        self.counter
+    }
+
+    #[cfg(test)]
     pub(crate) fn set_counter(&mut self, counter: u64) {
         self.counter = counter;
     }

@@ -3,6 +3,9 @@
 
 mod fleet_world;
 
+use std::ops::Range;
+use std::sync::Mutex;
+use std::thread;
 use std::time::Duration;
 
 use fipa_locking::Algorithm;
@@ -14,17 +17,38 @@ const BOTH: [Algorithm; 2] = [
     Algorithm::SuzukiKasamiExtended,
 ];
 
-fn runs(agents: usize, seeds: std::ops::Range<u64>) {
-    for algorithm in BOTH {
-        let mut told = Told::default();
-        let runs = seeds.end - seeds.start;
-        for seed in seeds.clone() {
-            let mut fleet = Fleet::new(seed, agents, algorithm);
-            fleet.run();
-            told.add(fleet.told());
+/// Says which run it was that failed.
+struct Running(Algorithm, u64);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            eprintln!("{} with seed {} fails", self.0, self.1);
         }
-        println!("{algorithm}: {runs} runs of {agents} agents: {told}");
-        assert!(told.grants > runs && told.recoveries() > 0);
+    }
+}
+
+fn runs(agents: usize, seeds: Range<u64>) {
+    for algorithm in BOTH {
+        let (left, told) = (Mutex::new(seeds.clone()), Mutex::new(Told::default()));
+        let next = || left.lock().unwrap().next();
+        let runs = || {
+            while let Some(seed) = next() {
+                let running = Running(algorithm, seed);
+                let mut fleet = Fleet::new(seed, agents, algorithm);
+                fleet.run();
+                told.lock().unwrap().add(fleet.told());
+                drop(running);
+            }
+        };
+        thread::scope(|scope| {
+            for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
+                scope.spawn(runs);
+            }
+        });
+        let told = told.into_inner().unwrap();
+        println!("{algorithm}: seeds {seeds:?}, {agents} agents: {told}");
+        assert!(told.grants > seeds.end - seeds.start && told.recoveries() > 0);
     }
 }
 
@@ -38,8 +62,9 @@ fn a_few_agents_never_hold_together_and_all_are_told_whatever_the_network_does()
     runs(6, 0..300);
 }
 
+/// Some of them: `FIPA_FIRST_SEED=1000 FIPA_SEEDS=500`.
 #[test]
-#[ignore = "takes long: run it in a release build"]
+#[ignore = "takes minutes: run it in a release build"]
 fn fifty_agents_over_ten_thousand_seeds() {
     let read = |name: &str, usual: u64| {
         let value = std::env::var(name);

@@ -18,11 +18,11 @@ macro_rules! files {
 }
 
 /// The files of `protocols/`.
-const FILES: [(&str, &str); 20] = files!(
-    "brokering" "cancel" "contract-net" "dlm_discover" "dlm_probe" "dutch-auction" "english-auction"
-    "inform" "iterated-contract-net" "propose" "query" "recruiting" "request" "request-when"
-    "request-whenever" "ricart_agrawala" "ricart_agrawala_extended" "subscribe" "suzuki_kasami"
-    "suzuki_kasami_extended"
+const FILES: [(&str, &str); 21] = files!(
+    "brokering" "cancel" "contract-net" "dlm_discover" "dlm_list" "dlm_probe" "dutch-auction"
+    "english-auction" "inform" "iterated-contract-net" "propose" "query" "recruiting" "request"
+    "request-when" "request-whenever" "ricart_agrawala" "ricart_agrawala_extended" "subscribe"
+    "suzuki_kasami" "suzuki_kasami_extended"
 );
 
 static BUILTIN: LazyLock<Library> = LazyLock::new(|| {

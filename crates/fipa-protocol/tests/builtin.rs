@@ -50,6 +50,7 @@ fn every_name_by_which_peers_know_a_protocol_finds_it() {
         ("fipa-cancel", "cancel"),
         ("fipa-inform", "inform"),
         ("dlm_discover", "dlm_discover"),
+        ("dlm_list", "dlm_list"),
         ("dlm_probe", "dlm_probe"),
         ("ricart_agrawala", "ricart_agrawala ricart-agrawala"),
         ("ricart_agrawala_extended", "ricart_agrawala_extended"),

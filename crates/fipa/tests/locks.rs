@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fipa::locks::{self, Algorithm, FailureReason, Forgetful, Keep, LockError, LossReason, Record};
-use fipa::{Agent, Message, Performative, Platform, Registration};
+use fipa::{Agent, Message, Performative, Platform, Registration, blocking};
 
 const BOTH: [Algorithm; 2] = [
     Algorithm::RicartAgrawalaExtended,
@@ -265,4 +265,35 @@ async fn participants_can_be_named() {
     let named = fipa::Pattern::new("cpp.*").unwrap();
     let guard = arm.lock("door").with(named).await.unwrap();
     assert!(guard.is_held());
+}
+
+#[test]
+fn a_control_loop_holds_and_gives_back_without_async() {
+    let platform = Platform::builder().name("robot1").mdns(false);
+    let platform = blocking::Platform::start(platform).unwrap();
+    let member = |name: &str| platform.register(locks::registration(name)).unwrap();
+    let owner = member("locks@robot1");
+    owner.own("door", Arc::new(Forgetful::new())).unwrap();
+    let (a, b) = (member("a"), member("b"));
+    for algorithm in BOTH {
+        let first = a.lock("door").algorithm(algorithm).acquire().unwrap();
+        assert!(first.is_held());
+        assert_eq!(first.resource(), "door");
+        assert_eq!(first.lost_within(Duration::from_millis(10)), None);
+        let soon = Duration::from_millis(200);
+        let refused = b.lock("door").algorithm(algorithm).timeout(soon).acquire();
+        assert!(matches!(refused, Err(LockError::Timeout(_))));
+        let number = first.fencing().unwrap();
+        std::thread::scope(|scope| {
+            let second = b.lock("door").algorithm(algorithm).timeout(PATIENCE);
+            let second = scope.spawn(|| second.acquire().unwrap());
+            first.release();
+            assert!(second.join().unwrap().fencing().unwrap() > number);
+        });
+    }
+    let held = a.lock("door").acquire().unwrap();
+    drop(a);
+    assert_eq!(held.lost(), LossReason::Disconnected);
+    assert!(!held.is_held());
+    platform.shutdown();
 }

@@ -1,131 +1,156 @@
-//! Agents whose future is the same are made equal, so that the search through all orders of events
-//! need not follow both.
+//! What of an agent and of a message decides nothing any more, so that the search through all
+//! orders of events takes those for the same that differ in nothing else.
 //!
-//! Clocks count by their distance only, Lamport's and the real ones alike; conversations by being
-//! equal or not; numbers of grants by their distance to the last one.
+//! * Of probes that were answered, and of those that never will be, nothing is kept.
+//! * Of what is said again after a while it is not kept when: the search says it at any time.
+//! * Who was served by a token, with which number, is freight for agents of the C++ library: the
+//!   owner of an extended algorithm decides by what it was asked.
+//! * The conversation in which an agent has given back is kept against claims that come late. None
+//!   does where messages keep their order.
+//! * Whom the owner names counts for an agent that is silent for four heartbeats, and is told anew
+//!   in each: it is kept from the second silent one on. Who is not told by the owner fails with it.
+//! * Times that are over for longer than anything waits are the same.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use fipa_acl::{Message, Text};
+use fipa_acl::{Message, Performative, Text};
 
 use super::LockAgent;
-use crate::watch::Watch;
-use crate::wire;
+use crate::request::{Phase, Request};
+use crate::token::Token;
+use crate::watch::{SILENCE, Watch};
+use crate::{Algorithm, wire};
 
-/// How the values of a state are renamed.
-#[derive(Default)]
-pub(crate) struct Renaming {
-    conversations: BTreeMap<Text, Text>,
-    /// How many conversations each agent has opened that are still known.
-    opened: BTreeMap<Text, u64>,
-    lowest_clock: u64,
-    last_number: u64,
+/// Conversations are counted from a multiple of this: one for each request.
+const CONVERSATIONS: u64 = 32;
+
+/// The number in a message by which the Lamport clocks go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Stamp {
+    pub(crate) number: u64,
+    /// Whether others compare their requests with it; else it only moves their clock.
+    pub(crate) compared: bool,
 }
 
-/// Where the times of a renamed agent are counted from, and how far back they are told apart.
-const EPOCH: Duration = Duration::from_secs(100);
-const PAST: Duration = Duration::from_secs(12);
-/// The number of the last grant of a renamed state.
-const LAST_NUMBER: u64 = 100;
-
-impl Renaming {
-    pub(crate) fn new(
-        agents: &mut [LockAgent],
-        messages: &[Message],
-        last_number: u64,
-    ) -> Renaming {
-        let mut known = BTreeSet::new();
-        let mut clocks = Vec::new();
-        for agent in agents {
-            clocks.push(agent.clock);
-            clocks.extend(agent.stamps().map(|stamp| *stamp));
-            agent.each_conversation(&mut |id| {
-                known.insert((number_of(id), id.clone()));
-            });
-        }
-        for message in messages {
-            let id = Text::from(wire::conversation(message).unwrap_or_default());
-            known.insert((number_of(&id), id));
-            if let Some(id) = wire::parameter(message, wire::CONVERSATION).map(Text::from) {
-                known.insert((number_of(&id), id));
-            }
-            clocks.extend(wire::stamped(message).map(|(clock, _)| clock));
-        }
-        let mut renaming = Renaming {
-            lowest_clock: clocks.into_iter().min().unwrap_or_default(),
-            last_number,
-            ..Renaming::default()
-        };
-        for (_, id) in known {
-            let Some((name, _)) = id.rsplit_once('_') else {
-                continue;
-            };
-            let opened = renaming.opened.entry(Text::from(name)).or_default();
-            let new = Text::from(format!("{name}_{opened}"));
-            *opened += 1;
-            renaming.conversations.insert(id, new);
-        }
-        renaming
-    }
-
-    fn conversation(&self, id: &Text) -> Text {
-        self.conversations.get(id).unwrap_or(id).clone()
-    }
-
-    fn number(&self, number: u64) -> u64 {
-        match number {
-            0 => 0,
-            _ => LAST_NUMBER + number - self.last_number,
-        }
-    }
-
-    pub(crate) fn message(&self, message: &mut Message) {
-        if let Some(id) = wire::conversation(message).map(Text::from) {
-            message.conversation_id = Some(self.conversation(&id).into());
-        }
-        if let Some((clock, resource)) = wire::stamped(message) {
-            let content = format!("{}\n{resource}", clock - self.lowest_clock);
-            message.content = Some(content.into());
-        }
-        for parameter in &mut message.user_defined {
-            let value = Text::from(parameter.value.as_str().unwrap_or_default());
-            match &*parameter.name {
-                wire::FENCING => {
-                    let number = value.parse().unwrap_or_default();
-                    parameter.value = self.number(number).to_string().into();
-                }
-                wire::CONVERSATION => parameter.value = self.conversation(&value).into(),
-                _ => {}
-            }
-        }
-    }
-
-    pub(crate) fn agent(&self, now: Duration, agent: &mut LockAgent) {
-        agent.each_conversation(&mut |id| *id = self.conversation(id));
-        agent.clock -= self.lowest_clock;
-        agent.stamps().for_each(|stamp| *stamp -= self.lowest_clock);
-        let opened = self.opened.get(&agent.config.name).copied();
-        agent.post.set_counter(opened.unwrap_or_default());
-        agent.each_number(&mut |number| *number = self.number(*number));
-        agent.each_time(&mut |time| *time = (EPOCH + *time).saturating_sub(now).max(EPOCH - PAST));
-    }
+pub(crate) fn stamp(message: &Message) -> Option<Stamp> {
+    let (number, _) = wire::stamped(message)?;
+    let compared = message.performative == Performative::Request;
+    Some(Stamp { number, compared })
 }
 
-fn number_of(id: &str) -> u64 {
-    let number = id.rsplit_once('_').map(|(_, number)| number);
-    number
-        .and_then(|number| number.parse().ok())
-        .unwrap_or_default()
+pub(crate) fn with_stamp(message: &Message, number: u64) -> Message {
+    let mut stamped = message.clone();
+    if let Some((_, resource)) = wire::stamped(message) {
+        stamped.content = Some(format!("{number}\n{resource}").into());
+    }
+    stamped
+}
+
+/// A message as it comes to one of its receivers.
+pub(crate) fn received(message: &Message, to: &str) -> Message {
+    let mut received = message.clone();
+    // Only the owner that is asked for looks at who else was.
+    if received.performative != Performative::QueryIf {
+        received.receiver.retain(|receiver| receiver.name == *to);
+    }
+    if let Some(token) = token(message) {
+        received.content = Some(Token::new(token.resource).encode().into());
+    }
+    received
+}
+
+fn token(message: &Message) -> Option<Token> {
+    if message.performative != Performative::Propagate {
+        return None;
+    }
+    Token::decode(message.content_str()?, usize::MAX).ok()
+}
+
+/// Whether a message does nothing at an agent that never owns anything, whatever else it does.
+pub(crate) fn is_for_owners(message: &Message) -> bool {
+    let protocol = message.protocol.as_deref().unwrap_or_default();
+    match message.performative {
+        Performative::QueryIf => true,
+        Performative::Request => protocol == Algorithm::SuzukiKasamiExtended.protocol(),
+        _ => false,
+    }
 }
 
 impl LockAgent {
-    fn stamps(&mut self) -> impl Iterator<Item = &mut u64> {
-        let stamped = self.requests.values_mut();
-        let stamped = stamped.filter(|request| {
-            !request.algorithm.has_token() && request.phase != crate::request::Phase::Discovering
-        });
-        stamped.map(|request| &mut request.stamp)
+    /// The Lamport clock, and the stamp with which requests of others are compared.
+    pub(crate) fn lamport(&self) -> (u64, Option<u64>) {
+        let stamp = self.requests.values().find(|r| compares(r));
+        (self.clock, stamp.map(|request| request.stamp))
+    }
+
+    pub(crate) fn set_lamport(&mut self, clock: u64, stamp: Option<u64>) {
+        self.clock = clock;
+        for request in self.requests.values_mut().filter(|r| compares(r)) {
+            request.stamp = stamp.unwrap_or(request.stamp);
+        }
+    }
+
+    pub(crate) fn is_discovering(&self) -> bool {
+        let mut requests = self.requests.values();
+        requests.any(|request| request.phase == Phase::Discovering)
+    }
+
+    /// Whether there is something that it says again after a while.
+    pub(crate) fn says_again(&self) -> bool {
+        let mut requests = self.requests.values();
+        requests.any(|request| request.phase != Phase::Held)
+    }
+
+    pub(crate) fn say_again(&mut self, now: Duration) {
+        let requests = self.requests.values_mut();
+        requests.for_each(|request| request.repeat = now);
+    }
+
+    /// It has found the owner before.
+    pub(crate) fn know_owner(&mut self, resource: &str, owner: &str) {
+        self.owners.insert(Text::from(resource), Text::from(owner));
+    }
+
+    /// The next conversations are those of a new request.
+    pub(crate) fn count_request(&mut self) {
+        let counted = self.post.counter() / CONVERSATIONS * CONVERSATIONS;
+        self.post.set_counter(counted + CONVERSATIONS);
+    }
+
+    /// Whether a probe is not answered yet.
+    pub(crate) fn waits_for_probes(&mut self) -> bool {
+        let mut waits = false;
+        self.each_watch(&mut |watch| waits |= !watch.open.is_empty());
+        waits
+    }
+
+    /// Time passes: all that it remembers is so much longer ago.
+    pub(crate) fn age(&mut self, by: Duration) {
+        self.each_time(&mut |time| *time = time.saturating_sub(by));
+    }
+
+    /// Forgets what decides nothing any more. If it was `probed`, answers to
+    /// probes may come.
+    pub(crate) fn forget(&mut self, now: Duration, probed: bool) {
+        let heartbeat = self.config.heartbeat;
+        self.chains.clear();
+        for request in self.requests.values_mut() {
+            forget_of_request(request, now, heartbeat);
+        }
+        for (resource, owned) in &mut self.owned {
+            owned.ended.clear();
+            owned.token = Token::new(resource.clone());
+            let held = owned.holding.iter_mut().map(|holding| &mut holding.claim);
+            let claims = owned.claims.iter_mut().chain(held);
+            claims.for_each(|claim| claim.sequence = 0);
+        }
+        if !probed {
+            self.each_watch(&mut |watch| watch.open.clear());
+            let counted = self.post.counter() / CONVERSATIONS * CONVERSATIONS;
+            self.post.set_counter(counted);
+        }
+        let oldest = now.saturating_sub(heartbeat * (SILENCE + 1));
+        self.each_time(&mut |time| *time = (*time).max(oldest));
     }
 
     fn each_watch(&mut self, f: &mut dyn FnMut(&mut Watch)) {
@@ -133,52 +158,8 @@ impl LockAgent {
             request.watches.values_mut().for_each(&mut *f);
         }
         for owned in self.owned.values_mut() {
-            owned
-                .holding
-                .iter_mut()
-                .for_each(|holding| f(&mut holding.watch));
-        }
-    }
-
-    fn each_conversation(&mut self, f: &mut dyn FnMut(&mut Text)) {
-        self.each_watch(&mut |watch| {
-            watch
-                .open
-                .iter_mut()
-                .for_each(|probe| f(&mut probe.conversation));
-        });
-        for request in self.requests.values_mut() {
-            f(&mut request.conversation);
-            request.deferred.values_mut().for_each(&mut *f);
-        }
-        for owned in self.owned.values_mut() {
-            let held = owned.holding.iter_mut().map(|holding| &mut holding.claim);
-            let claims = owned.claims.iter_mut().chain(held);
-            claims.for_each(|claim| f(&mut claim.conversation));
-            owned.ended.values_mut().for_each(&mut *f);
-        }
-        for chain in self.chains.values_mut() {
-            chain.heard.values_mut().for_each(|(_, id)| f(id));
-        }
-    }
-
-    fn each_number(&mut self, f: &mut dyn FnMut(&mut u64)) {
-        self.each_watch(&mut |watch| {
-            let probes = watch.open.iter_mut();
-            probes
-                .filter_map(|probe| probe.fencing.as_mut())
-                .for_each(&mut *f);
-        });
-        let requests = self.requests.values_mut();
-        requests
-            .filter_map(|request| request.fencing.as_mut())
-            .for_each(&mut *f);
-        for owned in self.owned.values_mut() {
-            f(&mut owned.fencing);
             let holding = owned.holding.iter_mut();
-            holding
-                .filter_map(|holding| holding.fencing.as_mut())
-                .for_each(&mut *f);
+            holding.for_each(|holding| f(&mut holding.watch));
         }
     }
 
@@ -197,5 +178,36 @@ impl LockAgent {
             owned.quarantine.iter_mut().for_each(&mut *f);
             owned.waiting.values_mut().for_each(&mut *f);
         }
+    }
+}
+
+/// Whether requests of others are compared with the stamp of this one.
+fn compares(request: &Request) -> bool {
+    !request.algorithm.has_token() && request.phase == Phase::Waiting
+}
+
+fn forget_of_request(request: &mut Request, now: Duration, heartbeat: Duration) {
+    let has_token = request.algorithm.has_token();
+    let phase = request.phase;
+    request.repeat = now + heartbeat * SILENCE;
+    if !compares(request) {
+        request.stamp = 0;
+        if phase != Phase::Discovering {
+            request.participants.clear();
+        }
+    }
+    if phase == Phase::Waiting && !has_token {
+        request.renewed = None;
+    }
+    if phase != Phase::Discovering && request.fenced != Some(false) {
+        request.since = now;
+    }
+    let mut watches = request.watches.values();
+    let lately = watches.all(|watch| watch.heard + heartbeat * 2 > now);
+    if lately || phase == Phase::Held {
+        request.named = None;
+    }
+    if let Some(token) = &mut request.token {
+        *token = Token::new(token.resource.clone());
     }
 }

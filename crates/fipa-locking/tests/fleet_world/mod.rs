@@ -1,8 +1,9 @@
 //! A fleet of agents, of which the first owns the resource, on a simulated network and clock.
 
-use std::cmp::Reverse;
+use std::cmp::Ordering;
 use std::collections::{BTreeSet, BinaryHeap};
 use std::fmt;
+use std::rc::Rc;
 use std::time::Duration;
 
 use fastrand::Rng;
@@ -65,12 +66,12 @@ impl fmt::Display for Told {
     }
 }
 
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug)]
 enum Event {
     Arrives {
         to: usize,
         life: u64,
-        message: usize,
+        message: Rc<Message>,
     },
     Wakes {
         agent: usize,
@@ -93,7 +94,36 @@ enum Event {
     Heals,
 }
 
+/// An event and when it happens; of those at the same time the first that was put.
+struct Due {
+    at: Duration,
+    put: u64,
+    event: Event,
+}
+
+impl Ord for Due {
+    /// The earliest is the greatest, which a heap gives first.
+    fn cmp(&self, other: &Due) -> Ordering {
+        (other.at, other.put).cmp(&(self.at, self.put))
+    }
+}
+
+impl PartialOrd for Due {
+    fn partial_cmp(&self, other: &Due) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Due {
+    fn eq(&self, other: &Due) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Due {}
+
 struct Node {
+    name: Text,
     machine: LockAgent,
     up: bool,
     life: u64,
@@ -107,9 +137,8 @@ pub(crate) struct Fleet {
     now: Duration,
     algorithm: Algorithm,
     nodes: Vec<Node>,
-    events: BinaryHeap<Reverse<(Duration, u64, Event)>>,
+    events: BinaryHeap<Due>,
     put: u64,
-    messages: Vec<Option<Message>>,
     /// Which agents are on the other side of a partition.
     apart: BTreeSet<usize>,
     calm: bool,
@@ -146,6 +175,7 @@ impl Fleet {
     /// A fleet in which nothing happens yet.
     pub(crate) fn calm(seed: u64, agents: usize, algorithm: Algorithm) -> Fleet {
         let nodes = (0..agents).map(|agent| Node {
+            name: name(agent),
             machine: machine(agent, 0),
             up: true,
             life: 0,
@@ -160,7 +190,6 @@ impl Fleet {
             nodes: nodes.collect(),
             events: BinaryHeap::new(),
             put: 0,
-            messages: Vec::new(),
             apart: BTreeSet::new(),
             calm: true,
             disk: Record::default(),
@@ -224,14 +253,16 @@ impl Fleet {
 
     fn run_until(&mut self, until: Duration, done: impl Fn(&Fleet) -> bool) -> bool {
         while !done(self) {
-            let next = self.events.peek().map(|Reverse((at, _, _))| *at);
-            if next.is_none_or(|at| at > until) {
-                self.now = until;
-                return false;
-            }
-            if let Some(Reverse((at, _, event))) = self.events.pop() {
-                self.now = at;
-                self.happens(event);
+            match self.events.pop() {
+                Some(due) if due.at <= until => {
+                    self.now = due.at;
+                    self.happens(due.event);
+                }
+                later => {
+                    self.events.extend(later);
+                    self.now = until;
+                    return false;
+                }
             }
         }
         true
@@ -239,7 +270,8 @@ impl Fleet {
 
     fn put(&mut self, at: Duration, event: Event) {
         self.put += 1;
-        self.events.push(Reverse((at, self.put, event)));
+        let put = self.put;
+        self.events.push(Due { at, put, event });
     }
 
     fn sometime(&mut self, event: Event) {
@@ -248,17 +280,16 @@ impl Fleet {
     }
 
     fn names(&self) -> Vec<Text> {
-        let up = self.nodes.iter().enumerate().filter(|(_, node)| node.up);
-        up.map(|(agent, _)| name(agent)).collect()
+        let up = self.nodes.iter().filter(|node| node.up);
+        up.map(|node| node.name.clone()).collect()
     }
 
     fn happens(&mut self, event: Event) {
         let now = self.now;
         match event {
             Event::Arrives { to, life, message } => {
-                let message = self.messages[message].take();
                 let node = &mut self.nodes[to];
-                if let Some(message) = message.filter(|_| node.up && node.life == life) {
+                if node.up && node.life == life {
                     node.machine.handle(now, &message);
                     self.settle(to);
                 }
@@ -368,7 +399,7 @@ impl Fleet {
         while let Some(output) = self.nodes[agent].machine.poll_output() {
             let node = &mut self.nodes[agent];
             match output {
-                Output::Send(message) => self.send(agent, &message),
+                Output::Send(message) => self.send(agent, &Rc::new(message)),
                 Output::Granted { fencing, .. } => self.granted(agent, fencing.unwrap()),
                 Output::Lost { .. } => {
                     node.holds = None;
@@ -420,7 +451,7 @@ impl Fleet {
         self.put(now + span, Event::GivesBack { agent, number });
     }
 
-    fn send(&mut self, from: usize, message: &Message) {
+    fn send(&mut self, from: usize, message: &Rc<Message>) {
         for receiver in &message.receiver {
             let to = receiver.name.trim_start_matches("agent").parse::<usize>();
             let to = to.unwrap();
@@ -434,9 +465,7 @@ impl Fleet {
             let most = if slow { 25_000 } else { 20 };
             let delay = Duration::from_micros(self.random.u64(500..most * 1000));
             let life = self.nodes[to].life;
-            let number = self.messages.len();
-            self.messages.push(Some(message.clone()));
-            let message = number;
+            let message = Rc::clone(message);
             self.put(self.now + delay, Event::Arrives { to, life, message });
         }
     }

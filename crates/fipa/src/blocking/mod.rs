@@ -13,6 +13,25 @@
 //! assert_eq!(message.content_str(), Some("tick"));
 //! assert!(arm.try_receive().is_none());
 //! ```
+//!
+//! [Locks](crate::locks) likewise:
+//!
+//! ```
+//! use fipa::blocking::Platform;
+//! use fipa::locks;
+//! use std::sync::Arc;
+//!
+//! let robot1 = Platform::start(fipa::Platform::builder().name("robot1").mdns(false)).unwrap();
+//! let owner = robot1.register(locks::registration("locks@robot1")).unwrap();
+//! owner.own("gripper", Arc::new(locks::Forgetful::new())).unwrap();
+//!
+//! let arm = robot1.register(locks::registration("arm@robot1")).unwrap();
+//! let guard = arm.lock("gripper").acquire().unwrap();
+//! assert!(guard.is_held());
+//! guard.release();
+//! ```
+
+mod locks;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -21,12 +40,15 @@ use std::time::Duration;
 use fipa_acl::{Message, Text};
 use fipa_directory::{PatternError, Record};
 use fipa_link::ReceiverOutcome;
+use fipa_mts::Registration;
 use tokio::runtime::Runtime;
 
 use crate::{
     ConversationError, Error, Incoming, Monitoring, PlatformBuilder, ReceiveError, RequestError,
     TrySendError,
 };
+
+pub use self::locks::{Guard, LockRequest};
 
 /// A [`Platform`](crate::Platform) with a thread of its own.
 #[derive(Clone)]
@@ -63,7 +85,14 @@ impl Platform {
 
     /// Registers an agent under this name.
     pub fn agent(&self, name: impl Into<Text>) -> Result<Agent, Error> {
-        let agent = self.runtime.block_on(self.platform.agent(name))?;
+        self.register(Registration::new(name))
+    }
+
+    /// Registers an agent with a description and service type of its own.
+    pub fn register(&self, registration: Registration) -> Result<Agent, Error> {
+        let agent = self
+            .runtime
+            .block_on(self.platform.register(registration))?;
         Ok(Agent {
             agent,
             runtime: Arc::clone(&self.runtime),
