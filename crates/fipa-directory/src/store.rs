@@ -82,7 +82,9 @@ impl Directory {
             return;
         }
         self.gone.remove(&name);
-        let records = self.names.entry(name.clone()).or_default();
+        // Nearly all names are held once.
+        let records = self.names.entry(name.clone());
+        let records = records.or_insert_with(|| Vec::with_capacity(1));
         if let Some(known) = records.iter_mut().find(|r| r.owner == record.owner) {
             let since = known.since;
             let same = known.entry == record.entry

@@ -118,6 +118,8 @@ impl Link {
     pub fn new(config: LinkConfig, now: Now) -> Link {
         let mut link = Link::silent(config, now);
         link.send(now, Frame::Hello(link.config.hello.clone()));
+        // They are said; there may be thousands of links.
+        link.config.hello.endpoints = Vec::new();
         link
     }
 
@@ -183,6 +185,11 @@ impl Link {
         self.out.push(frame);
     }
 
+    fn send_heartbeat(&mut self, now: Now, frame: Frame) {
+        self.last_sent = now.mono;
+        self.out.push_heartbeat(frame);
+    }
+
     /// Queues a [`Frame::Receipt`].
     pub fn send_receipt(&mut self, now: Now, id: u64, outcomes: &[ReceiverOutcome]) {
         self.last_sent = now.mono;
@@ -230,7 +237,7 @@ impl Link {
             return Err(LinkError::Dead);
         }
         self.last_ping = now.mono;
-        self.send(now, Frame::Ping(now.mono.as_millis() as u64));
+        self.send_heartbeat(now, Frame::Ping(now.mono.as_millis() as u64));
         if self.misses >= 3 && !self.silent {
             self.silent = true;
             return Ok(Some(Event::Silent));
@@ -319,7 +326,7 @@ impl Link {
             }
             (Stage::Hello, frame @ Frame::Goodbye(_)) => Ok(Some(Event::Frame(frame))),
             (Stage::Open, Frame::Ping(nonce)) => {
-                self.send(now, Frame::Pong(nonce));
+                self.send_heartbeat(now, Frame::Pong(nonce));
                 Ok(None)
             }
             (Stage::Open, Frame::Pong(_) | Frame::Unknown(_)) => Ok(None),

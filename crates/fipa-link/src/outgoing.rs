@@ -11,6 +11,9 @@ use crate::{Frame, ReceiverOutcome};
 const SMALL: usize = 1 << 10;
 const WIDE: usize = 16 << 10;
 
+/// Octets of the buffer for a heartbeat, which is all that most links write most of the time.
+const HEARTBEAT: usize = 32;
+
 /// Room that a frame finds; a larger one makes its own.
 const FRAME: usize = 256;
 
@@ -41,12 +44,23 @@ impl Outgoing {
         let before = self.tail.len();
         let letter = frame.encode_as(&mut self.tail, self.checked);
         self.octets += self.tail.len() - before;
+        self.wide |= self.tail.len() > SMALL;
         let octets = letter.octets();
         if octets > 0 {
             self.parts.push_back(self.tail.split().freeze());
             self.parts.extend(letter);
             self.octets += octets;
         }
+    }
+
+    /// Pushes a heartbeat. Where nothing else waits, that is a time to keep little memory.
+    pub(crate) fn push_heartbeat(&mut self, frame: Frame) {
+        if self.octets > 0 {
+            return self.push(frame);
+        }
+        self.tail = BytesMut::with_capacity(HEARTBEAT);
+        frame.encode_as(&mut self.tail, self.checked);
+        self.octets = self.tail.len();
     }
 
     pub(crate) fn push_receipt(&mut self, id: u64, outcomes: &[ReceiverOutcome]) {

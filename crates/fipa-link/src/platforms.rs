@@ -2,7 +2,7 @@ use bytes::{BufMut, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::InstanceId;
 
-use crate::wire::{FrameError, Reader, put_list, put_text};
+use crate::wire::{FrameError, Reader, put_list, put_part, put_text};
 
 /// A platform that the speaker has an open link with, or the speaker itself.
 ///
@@ -24,16 +24,15 @@ pub struct KnownPlatform {
 
 impl KnownPlatform {
     pub(crate) fn put(out: &mut BytesMut, platform: &KnownPlatform) {
-        let mut body = BytesMut::new();
-        body.put_slice(platform.instance.as_bytes());
-        put_text(&mut body, &platform.name);
-        put_text(&mut body, &platform.scope);
-        put_list(&mut body, &platform.addresses, |out, address| {
-            put_text(out, address);
+        put_part(out, |out| {
+            out.put_slice(platform.instance.as_bytes());
+            put_text(out, &platform.name);
+            put_text(out, &platform.scope);
+            put_list(out, &platform.addresses, |out, address| {
+                put_text(out, address);
+            });
+            out.put_u64(platform.age_millis);
         });
-        body.put_u64(platform.age_millis);
-        out.put_u32(u32::try_from(body.len()).unwrap_or(u32::MAX));
-        out.put_slice(&body);
     }
 
     pub(crate) fn read(reader: &mut Reader) -> Result<KnownPlatform, FrameError> {

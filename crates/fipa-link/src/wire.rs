@@ -145,6 +145,15 @@ pub(crate) fn put_octets(out: &mut BytesMut, octets: &[u8]) {
     out.put_slice(octets);
 }
 
+/// A value behind its length.
+pub(crate) fn put_part(out: &mut BytesMut, put: impl FnOnce(&mut BytesMut)) {
+    let begin = out.len();
+    out.put_u32(0);
+    put(out);
+    let octets = length(out.len() - begin - 4);
+    out[begin..begin + 4].copy_from_slice(&octets.to_be_bytes());
+}
+
 pub(crate) fn put_list<T>(out: &mut BytesMut, items: &[T], put: impl Fn(&mut BytesMut, &T)) {
     out.put_u32(length(items.len()));
     items.iter().for_each(|item| put(out, item));

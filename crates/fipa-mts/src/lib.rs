@@ -41,7 +41,7 @@ pub use machine::{
     PostId, PostedLetter, Refusal, RegisterError, Registration, Submission, is_full,
 };
 pub use mailbox::{Mailbox, MailboxFull};
-pub use mts::Mts;
+pub use mts::{Mts, ONLY_FLEET};
 pub use outbox::{OutboxConfig, StoredLetter};
 pub use program::Program;
 pub use rules::{Action, NamePattern, Network, NetworkError, Rule, Rules};

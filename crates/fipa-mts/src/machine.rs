@@ -394,6 +394,14 @@ pub enum Notice {
         /// Why.
         reason: Text,
     },
+    /// There were more notices about somebody within a minute than are told. The platform that runs
+    /// the machine counts them.
+    LeftOut {
+        /// About whom; `others` where these were too many to be counted apart.
+        who: Text,
+        /// How many.
+        count: u64,
+    },
     /// The daemon is there (again); told to programs.
     DaemonUp,
     /// The daemon is not there; it is looked for.
@@ -442,6 +450,12 @@ impl fmt::Display for Notice {
                 f,
                 "a stored letter of {octets} octets from {from} for {to} is dropped: {reason}"
             ),
+            Notice::LeftOut { who, count } => {
+                write!(
+                    f,
+                    "{count} more notices about {who} within a minute are left out"
+                )
+            }
             Notice::DaemonUp => f.write_str("the daemon is there"),
             Notice::DaemonLost { reason } => write!(f, "the daemon is lost: {reason}"),
             Notice::DaemonGivenUp { reason } => write!(f, "no daemon: {reason}"),

@@ -1,6 +1,8 @@
 //! One address is enough: services tell each other whom they know.
 mod support;
 
+use std::collections::BTreeSet;
+
 use bytes::BytesMut;
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId};
@@ -219,28 +221,41 @@ fn dialled(raw: &mut Raw) -> Vec<u16> {
 
 /// Another peer of a service.
 struct Second {
+    conn: ConnId,
     link: Link,
     unread: BytesMut,
 }
 
 impl Second {
     const ID: InstanceId = InstanceId::from_bytes([8; 16]);
-    const CONN: ConnId = ConnId(2);
 
     fn call(raw: &mut Raw, endpoints: &[&str]) -> Second {
+        Second::call_with(raw, ConnId(2), Second::ID, ("second", endpoints))
+    }
+
+    fn call_as(raw: &mut Raw, conn: ConnId, instance: InstanceId) -> Second {
+        Second::call_with(raw, conn, instance, ("third", &[]))
+    }
+
+    fn call_with(
+        raw: &mut Raw,
+        conn: ConnId,
+        instance: InstanceId,
+        (name, endpoints): (&str, &[&str]),
+    ) -> Second {
         let hello = Hello {
             version: Hello::VERSION,
             role: Role::Daemon,
-            instance: Second::ID,
-            name: Text::from("second"),
+            instance,
+            name: Text::from(name),
             scope: Text::default(),
             endpoints: endpoints.iter().copied().map(Text::from).collect(),
             max_letter: 1 << 20,
             unix_millis: raw.now.unix_millis,
-            checks: true,
+            checks: false,
         };
         let connected = Connected {
-            conn: Second::CONN,
+            conn,
             dialled: None,
             control: false,
             same_host: true,
@@ -249,6 +264,7 @@ impl Second {
         };
         raw.mts.connected(raw.now, connected);
         let mut second = Second {
+            conn,
             link: Link::new(LinkConfig::new(hello), raw.now),
             unread: BytesMut::new(),
         };
@@ -266,7 +282,7 @@ impl Second {
             self.unread.extend_from_slice(&part);
         }
         let now = raw.now;
-        raw.mts.received(now, Second::CONN, &mut self.unread);
+        raw.mts.received(now, self.conn, &mut self.unread);
         raw.exchange();
     }
 }
@@ -321,7 +337,7 @@ fn what_is_still_said_of_a_platform_that_took_its_leave_is_late() {
                 orderly: false,
                 all_written: true,
             };
-            raw.mts.closed(now, Second::CONN, ended);
+            raw.mts.closed(now, second.conn, ended);
         }
         raw.say(Frame::Platforms(vec![KnownPlatform {
             instance: Second::ID,
@@ -377,8 +393,58 @@ fn a_peer_that_tells_of_ever_more_platforms_does_not_make_us_dial_ever_more() {
         let told = (n * 250..(n + 1) * 250).map(|n| platform(n, ""));
         raw.say(Frame::Platforms(told.collect()));
     }
-    raw.now = raw.now.plus(secs(1));
-    raw.mts.handle_timeout(raw.now);
-    raw.exchange();
-    assert_eq!(dialled(&mut raw).len(), 256);
+    let mut ports = BTreeSet::new();
+    let mut dials = Vec::new();
+    for _ in 0..600 {
+        let tried = dialled(&mut raw);
+        dials.push(tried.len());
+        ports.extend(tried);
+        raw.now = raw.now.plus(secs(1));
+        raw.mts.handle_timeout(raw.now);
+        raw.exchange();
+    }
+    assert_eq!(ports.len(), 1024);
+    // At first they are tried more often; in the end each once in two minutes, about.
+    assert!(dials.iter().all(|dials| *dials <= 1200), "{dials:?}");
+    let last: usize = dials[300..].iter().sum();
+    assert!((1500..6000).contains(&last), "{last} dials in 300 s");
+}
+
+/// The names of the platforms that the partner was told of since this was asked last.
+fn told(raw: &mut Raw) -> Vec<Text> {
+    let heard = std::mem::take(&mut raw.heard).into_iter();
+    let platforms = heard.filter_map(|frame| match frame {
+        Frame::Platforms(platforms) => Some(platforms),
+        _ => None,
+    });
+    platforms.flatten().map(|platform| platform.name).collect()
+}
+
+#[test]
+fn two_that_a_third_one_with_a_smaller_id_has_told_of_are_left_to_it() {
+    for (teller, left_to_it) in [([0; 16], true), ([0xff; 16], false)] {
+        let mut raw = Raw::new(Role::Daemon);
+        Second::call(&mut raw, &["tcp://10.0.0.9:1"]);
+        let mut third = Second::call_as(&mut raw, ConnId(3), InstanceId::from_bytes(teller));
+        let known = |instance: InstanceId| KnownPlatform {
+            instance,
+            ..platform(7, "")
+        };
+        let both = vec![known(support::PARTNER), known(Second::ID)];
+        third.say(&mut raw, Frame::Platforms(both));
+        wait(&mut raw);
+        let hears_of_second = told(&mut raw).contains(&Text::from("second"));
+        assert_eq!(hears_of_second, !left_to_it, "{teller:?}");
+        // When the third one is gone, nobody is left to tell them.
+        let now = raw.now;
+        let ended = Ended {
+            reason: "connection reset by peer",
+            orderly: false,
+            all_written: true,
+        };
+        raw.mts.closed(now, third.conn, ended);
+        wait(&mut raw);
+        let hears_of_second = told(&mut raw).contains(&Text::from("second"));
+        assert_eq!(hears_of_second, left_to_it, "{teller:?}");
+    }
 }

@@ -8,7 +8,7 @@ use fipa_codec::{
     encode_letter_as, encode_message_as, payload_representation,
 };
 use fipa_directory::MESSAGE_TRANSPORT;
-use fipa_mts::DeliveryFailure;
+use fipa_mts::{Action, DeliveryFailure, Rule, Rules};
 use fipa_sim::{NodeId, Sim, Then};
 
 use support::{entry, lost, millis, recorded, secs};
@@ -154,6 +154,29 @@ fn the_sender_is_told_of_each_receiver_in_its_own_way_of_writing() {
         receivers.sort();
         assert_eq!(receivers, ["nobody", "nowhere"]);
     }
+}
+
+#[test]
+fn who_may_not_send_is_told_once_a_letter_however_many_it_is_for() {
+    let mut sim = Sim::new(1);
+    let mut deny = Rule::deny([Action::Send]);
+    deny.to = Some("agent.*".parse().unwrap());
+    let rules = Rules::new([deny]);
+    let (here, robot) = (
+        sim.daemon_with("here", |config| config.rules = rules),
+        sim.robot("robot"),
+    );
+    let to: Vec<String> = (0..100).map(|n| format!("agent{n}")).collect();
+    let to: Vec<&str> = to.iter().map(String::as_str).chain(["nobody"]).collect();
+    let from = AgentId::new("stranger").address(sim.address(robot).to_text());
+    let letter = octets(Make::Cpp, from, &to, &request());
+    let mut told: Vec<String> = written_back(&mut sim, robot, here, letter)
+        .iter()
+        .map(reason_in)
+        .collect();
+    told.sort();
+    let denied = "rule 1 of the configuration denies stranger to send";
+    assert_eq!(told, ["no agent of this name is known", denied]);
 }
 
 #[test]

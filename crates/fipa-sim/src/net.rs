@@ -188,7 +188,12 @@ impl Sim {
             let EndState::Open(conn) = open.ends[side].state else {
                 return;
             };
-            let due = open.ends[side].arriving.front();
+            let arriving = &mut open.ends[side].arriving;
+            if arriving.is_empty() {
+                // Most of a million ends are at rest most of the time.
+                *arriving = VecDeque::new();
+            }
+            let due = arriving.front();
             let due = due.is_some_and(|(at, _)| *at <= now);
             let blocked = self.nodes[node.0].frozen || self.is_cut(node, other);
             if !due || blocked {
@@ -208,7 +213,9 @@ impl Sim {
                     }
                     let unread = &mut inbox;
                     self.with(node, |machine, now| machine.received(now, conn, unread));
-                    if let Some(open) = self.streams.get_mut(&stream) {
+                    if let Some(open) = self.streams.get_mut(&stream)
+                        && !inbox.is_empty()
+                    {
                         open.ends[side].inbox = inbox;
                     }
                 }

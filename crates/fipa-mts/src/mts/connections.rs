@@ -99,11 +99,10 @@ pub(super) enum Partner {
         instance: InstanceId,
         max_letter: u64,
     },
-    /// A program, and whether it wants the directory.
+    /// A program.
     Program {
         instance: InstanceId,
         name: Text,
-        watch: bool,
         max_letter: u64,
     },
 }
@@ -181,7 +180,7 @@ impl Mts {
         self.timer(timer, Timer::Conn(conn));
         self.conns.insert(
             conn,
-            Conn {
+            Box::new(Conn {
                 link,
                 via: address
                     .as_ref()
@@ -202,7 +201,7 @@ impl Mts {
                 announced: false,
                 parted: None,
                 timer,
-            },
+            }),
         );
     }
 
@@ -350,6 +349,7 @@ impl Mts {
                 }
             }
             Partner::Program { .. } => {
+                self.watchers.remove(&conn);
                 self.program_is_gone(conn);
                 self.forget_call_backs(conn);
                 self.program_ended(now, conn, closed.outstanding);
@@ -419,7 +419,6 @@ impl Mts {
                 open.partner = Partner::Program {
                     instance: hello.instance,
                     name: hello.name,
-                    watch: false,
                     max_letter: hello.max_letter,
                 };
                 self.end_earlier_conn(now, conn, hello.instance);
@@ -486,8 +485,8 @@ impl Mts {
             (Frame::Revoked(list), Partner::Daemon { .. }) if open.identity.is_some() => {
                 self.outputs.push_back(Output::Revoked(list));
             }
-            (Frame::Watch, Partner::Program { watch, .. }) => {
-                *watch = true;
+            (Frame::Watch, Partner::Program { .. }) => {
+                self.watchers.insert(conn);
                 self.send_everything(now, conn);
             }
             (Frame::AskFacts, Partner::Program { .. }) => {

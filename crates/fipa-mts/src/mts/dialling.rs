@@ -6,6 +6,8 @@ use fipa_directory::{Address, InstanceId, Now, State};
 
 use super::connections::SCOPE;
 use super::fleet::{FLEET, NAME};
+use super::gossip::TOLD_AT_ONCE;
+use super::peer::Peer;
 use super::{Mts, Timer};
 use crate::machine::{DialId, Output};
 
@@ -97,6 +99,11 @@ impl Mts {
         let mut longest = LONGEST_PAUSE;
         let dialling = match purpose {
             Purpose::Peer(instance) => {
+                let is_only_told = self.peers.get(instance).is_some_and(Peer::is_only_told);
+                let crowd = match is_only_told {
+                    true => self.peers.only_told() / TOLD_AT_ONCE,
+                    false => 0,
+                };
                 let Some(peer) = self.peers.get_mut(instance) else {
                     return;
                 };
@@ -106,7 +113,7 @@ impl Mts {
                     return;
                 }
                 if peer.discovered.is_none() && peer.state != State::Suspect {
-                    longest = LOOKOUT_PAUSE;
+                    longest = LOOKOUT_PAUSE * (1 + crowd as u32);
                 }
                 &mut peer.dialling
             }

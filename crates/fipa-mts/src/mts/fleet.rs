@@ -10,8 +10,7 @@ use std::net::IpAddr;
 use bytes::Bytes;
 use fipa_acl::{Envelope, Text};
 use fipa_directory::{Address, Entry, InstanceId, Now, State};
-
-use fipa_link::{Frame, Link, LinkConfig};
+use fipa_link::{Frame, Link, LinkConfig, Outcome, ReceiverOutcome};
 
 use super::Mts;
 use super::connections::{FarEnd, Partner};
@@ -20,7 +19,7 @@ use crate::machine::{ConnId, Notice, RegisterError};
 use crate::rules::{Action, Judgement, Request};
 
 /// The goodbye to who has no key, where there is a fleet.
-pub(super) const FLEET: &str = "only links of the fleet are taken here";
+pub const FLEET: &str = "only links of the fleet are taken here";
 
 /// The goodbye to a robot under a name that its certificate does not say.
 pub(super) const NAME: &str = "the name is not that of the certificate";
@@ -224,7 +223,7 @@ impl Mts {
             Judgement::Allowed { by_name: true } => None,
             _ => {
                 let owner = self.fleet.as_ref()?.robot_of(name)?;
-                (owner != robot).then(|| format!("{name} is a name of {owner}, not of {robot}"))
+                (owner != robot).then(|| format!("{name}{NAME_OF}{owner}, not of {robot}"))
             }
         }
     }
@@ -459,8 +458,18 @@ impl Mts {
 /// Why somebody without a key is not heard.
 const NO_RULE: &str = "it has no key of the fleet, and no rule of the configuration admits it";
 
+/// In the middle of what is said of a name that belongs to another robot, and of a rule that denies.
+const NAME_OF: &str = " is a name of ";
+const DENIES: &str = " of the configuration denies ";
+
 fn denied(rule: usize, name: &str, action: &str) -> String {
-    format!("rule {rule} of the configuration denies {name} to {action}")
+    format!("rule {rule}{DENIES}{name} to {action}")
+}
+
+/// Whether a letter was refused because of who sent it, here or at another service.
+pub(super) fn is_ruled_out(told: &ReceiverOutcome) -> bool {
+    let reasons = [NO_RULE, NAME_OF, DENIES];
+    told.outcome == Outcome::Refused && reasons.iter().any(|why| told.reason.contains(why))
 }
 
 fn ip_of(address: &Address) -> Option<IpAddr> {

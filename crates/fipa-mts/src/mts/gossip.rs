@@ -4,6 +4,12 @@
 //! Only what the speaker knows first-hand is told, once, and again every half an hour. So a
 //! platform that is dead is told of by nobody, and one that is told of is dialled, not believed:
 //! its agents are known when it has said itself who they are.
+//!
+//! Where all have links with all, each could tell each of each: a billion times among a thousand.
+//! So who knows that a third one, whose id is smaller, has links with two platforms leaves it to that
+//! one to tell them of each other. The one with the smallest id leaves nothing to anybody. When all is
+//! told again, some are told by everybody, so that nobody who keeps what it knows to itself keeps
+//! others apart.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -12,6 +18,7 @@ use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now, State};
 use fipa_link::{Frame, KnownPlatform};
 
+use super::numbers::Numbers;
 use super::peers::SOUGHT;
 use super::{Mts, Timer};
 use crate::machine::ConnId;
@@ -27,11 +34,14 @@ const AGAIN: Duration = Duration::from_secs(1800);
 /// Platforms in one frame.
 const IN_A_FRAME: usize = 256;
 
-/// Platforms that are dialled because others told of them, at most.
-const MAX_TOLD: usize = 256;
+/// How many of the others are told everything then, about, whoever else may tell them.
+const TOLD_BY_ALL: usize = 30;
 
-/// Platforms that a peer is known to know, at most.
-const MAX_KNOWN: usize = 4096;
+/// Platforms that are dialled because others told of them, at most; and how many at once. Those
+/// beyond wait for some seconds, and are dialled less often.
+const MAX_TOLD: usize = 1024;
+pub(super) const TOLD_AT_ONCE: usize = 256;
+const TURN: Duration = Duration::from_secs(1);
 
 /// Addresses of one platform that are heeded.
 const MAX_ADDRESSES: usize = 16;
@@ -63,10 +73,7 @@ impl Gossip {
 
 impl Mts {
     /// There is a link to a peer that had none: it and the others are told of each other.
-    pub(super) fn tell_platforms_soon(&mut self, now: Now, instance: InstanceId) {
-        if let Some(peer) = self.peers.get_mut(instance) {
-            peer.knows.clear();
-        }
+    pub(super) fn tell_platforms_soon(&mut self, now: Now) {
         let random = self.random.f64();
         if self.gossip.due.is_none() {
             let linked = self.peers.iter().filter(|(_, peer)| !peer.links.is_empty());
@@ -81,6 +88,13 @@ impl Mts {
         }
     }
 
+    /// The last link to a peer broke. What was said of it, or left to it to say, counts no more.
+    pub(super) fn unsay_platform(&mut self, now: Now, instance: InstanceId) {
+        if self.peers.unsay(instance) {
+            self.tell_platforms_soon(now);
+        }
+    }
+
     fn tell_again_later(&mut self, now: Now, random: f64) {
         let again = now.mono + AGAIN.mul_f64(1.0 + random / 2.0);
         self.gossip.again = Some(again);
@@ -91,58 +105,90 @@ impl Mts {
         let is_due = |due: Option<Duration>| due.is_some_and(|due| due <= now.mono);
         let again = is_due(self.gossip.again);
         if again {
-            self.peers.values_mut().for_each(|peer| peer.knows.clear());
+            for peer in self.peers.values_mut() {
+                peer.knows.clear();
+            }
             let random = self.random.f64();
             self.tell_again_later(now, random);
         }
         if again || is_due(self.gossip.due) {
             self.gossip.due = None;
-            self.tell_platforms(now);
+            self.tell_platforms(now, again);
         }
     }
 
     /// Tells every peer of those others that it does not know yet.
-    fn tell_platforms(&mut self, now: Now) {
-        let linked: Vec<(InstanceId, ConnId)> = self
+    fn tell_platforms(&mut self, now: Now, again: bool) {
+        let linked: Vec<Linked> = self
             .peers
             .iter()
             .filter(|(_, peer)| peer.state == State::Alive)
-            .filter_map(|(instance, peer)| Some((instance, *peer.links.first()?)))
+            .filter_map(|(instance, peer)| {
+                let (number, conn) = (peer.number, *peer.links.first()?);
+                Some(Linked {
+                    instance,
+                    number,
+                    conn,
+                })
+            })
             .collect();
-        for (listener, conn) in &linked {
-            let others = linked.iter().filter(|(instance, _)| instance != listener);
-            let news: Vec<KnownPlatform> = others
-                .filter_map(|(instance, link)| self.news(now, *listener, *conn, *instance, *link))
-                .collect();
-            if let Some(peer) = self.peers.get_mut(*listener) {
-                peer.knows
-                    .extend(news.iter().map(|platform| platform.instance));
+        let mut all = Numbers::default();
+        linked.iter().for_each(|peer| all.insert(peer.number));
+        for listener in &linked {
+            let by_all = again && self.random.usize(..linked.len()) < TOLD_BY_ALL;
+            let mut missing = self.unknown_to(&all, listener);
+            if !by_all {
+                self.leave_to_others(&linked, listener, &mut missing);
+            }
+            if missing.is_empty() {
+                continue;
+            }
+            let others = linked.iter().filter(|peer| missing.contains(peer.number));
+            let (numbers, news): (Vec<u32>, Vec<KnownPlatform>) = others
+                .filter_map(|peer| Some((peer.number, self.news(now, listener.conn, peer)?)))
+                .unzip();
+            if let Some(peer) = self.peers.get_mut(listener.instance) {
+                numbers.iter().for_each(|number| peer.knows.insert(*number));
             }
             for part in news.chunks(IN_A_FRAME) {
-                self.send(now, *conn, Frame::Platforms(part.to_vec()));
+                self.send(now, listener.conn, Frame::Platforms(part.to_vec()));
             }
         }
     }
 
-    /// What a listener is to be told of another peer.
-    fn news(
-        &self,
-        now: Now,
-        listener: InstanceId,
-        conn: ConnId,
-        instance: InstanceId,
-        link: ConnId,
-    ) -> Option<KnownPlatform> {
-        let told = self.peers.get(listener)?;
-        if told.knows.contains(&instance) {
-            return None;
+    /// Those of all peers of which a listener does not know.
+    fn unknown_to(&self, all: &Numbers, listener: &Linked) -> Numbers {
+        let mut missing = all.clone();
+        missing.remove(listener.number);
+        if let Some(peer) = self.peers.get(listener.instance) {
+            missing.subtract(&peer.knows);
         }
-        let peer = self.peers.get(instance)?;
+        missing
+    }
+
+    /// Takes out those of whom somebody else is to tell a listener.
+    fn leave_to_others(&self, linked: &[Linked], listener: &Linked, missing: &mut Numbers) {
+        let smaller = |peer: &&Linked| peer.instance < self.config.instance;
+        for peer in linked.iter().take_while(smaller) {
+            if missing.is_empty() {
+                return;
+            }
+            if let Some(peer) = self.peers.get(peer.instance)
+                && peer.tells.contains(listener.number)
+            {
+                missing.subtract(&peer.tells);
+            }
+        }
+    }
+
+    /// What the partner on a connection is to be told of another peer.
+    fn news(&self, now: Now, conn: ConnId, of: &Linked) -> Option<KnownPlatform> {
+        let peer = self.peers.get(of.instance)?;
         let addresses = self.addresses_for(conn, &peer.known);
-        let heard = self.conns.get(&link)?.link.last_heard();
+        let heard = self.conns.get(&of.conn)?.link.last_heard();
         let age = now.mono.saturating_sub(heard).as_millis();
         (!addresses.is_empty()).then(|| KnownPlatform {
-            instance,
+            instance: of.instance,
             name: peer.name.clone(),
             scope: self.config.scope.clone(),
             addresses,
@@ -185,50 +231,73 @@ impl Mts {
         platforms: Vec<KnownPlatform>,
     ) {
         let same_host = self.conns.get(&conn).is_some_and(|open| open.same_host);
-        let told = self.peers.iter().filter(|(_, peer)| peer.is_only_told());
-        let mut room = MAX_TOLD.saturating_sub(told.count());
+        let mut told = None;
         for platform in platforms {
-            let addresses: Vec<Address> = platform
-                .addresses
-                .iter()
-                .filter_map(|address| address.parse().ok())
-                .filter(|address: &Address| same_host || address.is_for_others())
-                .take(MAX_ADDRESSES)
-                .collect();
-            let KnownPlatform { instance, name, .. } = platform;
-            let left = SOUGHT.saturating_sub(Duration::from_millis(platform.age_millis));
+            let readable = |address: &Text| address.parse().ok();
+            let addresses = || platform.addresses.iter().filter_map(readable);
+            let for_all = || addresses().any(|address: Address| address.is_for_others());
+            let instance = platform.instance;
             if platform.scope != self.config.scope || instance == self.config.instance {
                 continue;
             }
+            let known = self.peers.get(instance);
+            if instance != teller && known.is_some_and(|peer| !peer.links.is_empty()) {
+                self.both_know(teller, instance, for_all());
+                continue;
+            }
+            let is_new = known.is_none();
+            let usable = |address: &Address| same_host || address.is_for_others();
+            let usable: Vec<Address> = addresses().filter(usable).take(MAX_ADDRESSES).collect();
             if instance == teller {
                 if let Some(peer) = self.peers.get_mut(teller)
-                    && !addresses.is_empty()
+                    && !usable.is_empty()
                 {
-                    peer.known = addresses;
+                    peer.known = usable;
                 }
                 continue;
             }
-            self.both_know(teller, instance);
-            let is_new = self.peers.get(instance).is_none();
-            let unwanted = left.is_zero() || self.gossip.has_departed(instance);
-            if unwanted || addresses.is_empty() || (is_new && room == 0) {
-                continue;
+            let told = told.get_or_insert_with(|| self.peers.only_told());
+            let left = SOUGHT.saturating_sub(Duration::from_millis(platform.age_millis));
+            let gone = left.is_zero() || self.gossip.has_departed(instance);
+            let has_room = !is_new || *told < MAX_TOLD;
+            if !gone && !usable.is_empty() && has_room {
+                *told += usize::from(is_new);
+                self.peers.meet(instance, &platform.name).told = usable;
+                self.seek_until(now.mono + left, instance);
+                let turn = TURN * (*told / (TOLD_AT_ONCE + 1)) as u32;
+                self.dial_found_peer(now, instance, turn);
             }
-            room -= usize::from(is_new);
-            self.peers.meet(instance, &name).told = addresses;
-            self.seek_until(now.mono + left, instance);
-            self.dial_found_peer(now, instance);
+            self.both_know(teller, instance, for_all());
         }
     }
 
-    /// Who has a link with another knows it, and is known.
-    fn both_know(&mut self, one: InstanceId, two: InstanceId) {
-        for (one, two) in [(one, two), (two, one)] {
-            if let Some(peer) = self.peers.get_mut(one)
-                && peer.knows.len() < MAX_KNOWN
-            {
-                peer.knows.insert(two);
+    /// Who has a link with another knows it, and is known; and tells of it where its address is of use
+    /// to all.
+    fn both_know(&mut self, teller: InstanceId, told: InstanceId, for_all: bool) {
+        let number_of = |instance| self.peers.get(instance).map(|peer| peer.number);
+        let (Some(one), Some(two)) = (number_of(teller), number_of(told)) else {
+            return;
+        };
+        let mut teller_is_for_all = false;
+        if let Some(teller) = self.peers.get_mut(teller) {
+            teller.knows.insert(two);
+            teller_is_for_all = teller.known.iter().any(Address::is_for_others);
+            if for_all {
+                teller.tells.insert(two);
+            }
+        }
+        if let Some(told) = self.peers.get_mut(told) {
+            told.knows.insert(one);
+            if teller_is_for_all {
+                told.tells.insert(one);
             }
         }
     }
+}
+
+/// A peer with which there is a link.
+struct Linked {
+    instance: InstanceId,
+    number: u32,
+    conn: ConnId,
 }

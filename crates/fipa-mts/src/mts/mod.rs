@@ -20,6 +20,7 @@ mod late;
 mod moves;
 mod neighbours;
 mod notices;
+mod numbers;
 mod outbox;
 mod peer;
 mod peers;
@@ -34,6 +35,7 @@ mod sync;
 mod tap;
 mod waiting;
 
+pub use fleet::FLEET as ONLY_FLEET;
 pub(crate) use sync::record_of;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
@@ -80,6 +82,9 @@ use crate::{Config, Mailbox};
 /// Octets of name, type and description of an agent together, at most.
 const MAX_ENTRY: usize = 64 << 10;
 
+/// Outputs for which room is kept where none waits.
+const IDLE_OUTPUTS: usize = 256;
+
 /// A message transport service: routes letters between its agents, attached programs and peers.
 #[derive(Debug)]
 pub struct Mts {
@@ -89,7 +94,9 @@ pub struct Mts {
     fleet: Option<Fleet>,
     /// Counts the changes of our own entries.
     version: u64,
-    conns: BTreeMap<ConnId, Conn>,
+    conns: BTreeMap<ConnId, Box<Conn>>,
+    /// Those of programs that want the directory.
+    watchers: BTreeSet<ConnId>,
     /// Connections of which nobody knows yet what they are, and those that bring a letter.
     callers: BTreeMap<ConnId, Caller>,
     /// Connections that others have opened.
@@ -170,6 +177,7 @@ impl Mts {
             fleet: (config.fleet.as_ref()).map(|robots| Fleet::new(&config.name, robots)),
             version: 0,
             conns: BTreeMap::new(),
+            watchers: BTreeSet::new(),
             callers: BTreeMap::new(),
             doors: Doors::default(),
             caller_octets: 0,
@@ -326,7 +334,11 @@ impl Machine for Mts {
     }
 
     fn poll_output(&mut self) -> Option<Output> {
-        self.outputs.pop_front()
+        let output = self.outputs.pop_front();
+        if output.is_none() && self.outputs.capacity() > IDLE_OUTPUTS {
+            self.outputs = VecDeque::new();
+        }
+        output
     }
 
     fn register(&mut self, now: Now, ticket: u64, registration: Registration) {

@@ -18,6 +18,7 @@ use smallvec::smallvec;
 use super::Mts;
 use super::callers::TIMEOUT;
 use super::deliveries::Origin;
+use super::fleet::is_ruled_out;
 use super::routing::{Inbound, LOOP, Terms};
 use crate::failure;
 use crate::pieces::joined;
@@ -56,7 +57,9 @@ impl Returnable {
 
 impl Mts {
     /// Tells the sender of a letter of each receiver that it did not get to: one notice each. Not
-    /// where it travelled in circles or is stored, nor where a notice is not wanted.
+    /// where it travelled in circles or is stored, nor where a notice is not wanted. One notice in all
+    /// of those that its sender may not send to: they would be a stranger's way to have much written
+    /// to whomever it names as the sender.
     pub(super) fn return_letter(
         &mut self,
         now: Now,
@@ -75,8 +78,12 @@ impl Mts {
         outcomes: &[ReceiverOutcome],
         stored: Option<u64>,
     ) -> bool {
+        let ruled_out = outcomes.iter().position(is_ruled_out);
         let failed: Vec<(Text, Text)> = outcomes
             .iter()
+            .enumerate()
+            .filter(|(at, told)| ruled_out == Some(*at) || !is_ruled_out(told))
+            .map(|(_, told)| told)
             .filter(|told| !told.outcome.is_success() && !told.reason.starts_with(LOOP))
             .filter(|told| !Mts::is_stored(told))
             .flat_map(|told| failures(&letter.envelope, told))

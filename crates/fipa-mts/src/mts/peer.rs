@@ -7,38 +7,46 @@ use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now, Source, State};
 
 use super::dialling::Dialling;
+use super::numbers::Numbers;
 use super::waiting::Waiting;
 use crate::machine::ConnId;
 
 /// Platforms that are known, by instance and by name.
 #[derive(Debug, Default)]
 pub(super) struct Peers {
-    peers: BTreeMap<InstanceId, Peer>,
+    peers: BTreeMap<InstanceId, Box<Peer>>,
     names: HashMap<Text, BTreeSet<InstanceId>>,
+    /// Numbers of peers that are forgotten, to be given again.
+    free: Vec<u32>,
 }
 
 impl Peers {
     pub(super) fn get(&self, instance: InstanceId) -> Option<&Peer> {
-        self.peers.get(&instance)
+        self.peers.get(&instance).map(Box::as_ref)
     }
 
     pub(super) fn get_mut(&mut self, instance: InstanceId) -> Option<&mut Peer> {
-        self.peers.get_mut(&instance)
+        self.peers.get_mut(&instance).map(Box::as_mut)
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = (InstanceId, &Peer)> {
-        self.peers.iter().map(|(instance, peer)| (*instance, peer))
+        let peers = self.peers.iter();
+        peers.map(|(instance, peer)| (*instance, peer.as_ref()))
     }
 
     pub(super) fn values_mut(&mut self) -> impl Iterator<Item = &mut Peer> {
-        self.peers.values_mut()
+        self.peers.values_mut().map(Box::as_mut)
     }
 
     /// The peer; a new one if it is not known yet.
     pub(super) fn meet(&mut self, instance: InstanceId, name: &Text) -> &mut Peer {
+        let peers = self.peers.len();
         self.peers.entry(instance).or_insert_with(|| {
             self.names.entry(name.clone()).or_default().insert(instance);
-            Peer::new(name.clone())
+            // All numbers below that of the known ones are theirs, or free.
+            let number = self.free.pop();
+            let number = number.unwrap_or_else(|| u32::try_from(peers).unwrap_or(u32::MAX));
+            Box::new(Peer::new(name.clone(), number))
         })
     }
 
@@ -57,13 +65,37 @@ impl Peers {
     pub(super) fn remove(&mut self, instance: InstanceId) -> Option<Peer> {
         let peer = self.peers.remove(&instance)?;
         self.unname(instance, &peer.name);
-        Some(peer)
+        for other in self.peers.values_mut() {
+            other.forget_number(peer.number);
+        }
+        self.free.push(peer.number);
+        Some(*peer)
+    }
+
+    /// Forgets who has told whom of this peer, and what it has told itself. Whether that was
+    /// anything.
+    pub(super) fn unsay(&mut self, instance: InstanceId) -> bool {
+        let Some(peer) = self.peers.get_mut(&instance) else {
+            return false;
+        };
+        peer.knows.clear();
+        let (number, told) = (peer.number, std::mem::take(&mut peer.tells));
+        for other in self.peers.values_mut() {
+            other.forget_number(number);
+        }
+        !told.is_empty()
+    }
+
+    /// How many are known from others only.
+    pub(super) fn only_told(&self) -> usize {
+        let told = self.peers.values().filter(|peer| peer.is_only_told());
+        told.count()
     }
 
     /// Those that bear this name.
     pub(super) fn named(&self, name: &Text) -> impl Iterator<Item = (InstanceId, &Peer)> {
         let instances = self.names.get(name).into_iter().flatten();
-        instances.filter_map(|instance| Some((*instance, self.peers.get(instance)?)))
+        instances.filter_map(|instance| Some((*instance, self.peers.get(instance)?.as_ref())))
     }
 
     fn unname(&mut self, instance: InstanceId, name: &Text) {
@@ -88,8 +120,12 @@ pub(super) struct Peer {
     pub(super) told: Vec<Address>,
     /// Until when it is dialled though mDNS does not know it.
     pub(super) sought_until: Duration,
-    /// Platforms of which it need not be told.
-    pub(super) knows: BTreeSet<InstanceId>,
+    /// Its number in sets of peers, while it is known.
+    pub(super) number: u32,
+    /// Peers of which it need not be told.
+    pub(super) knows: Numbers,
+    /// Peers with which it has links, and of which it can tell everybody.
+    pub(super) tells: Numbers,
     /// Where it was reached, or says it is.
     pub(super) known: Vec<Address>,
     /// Seeds at which it was met.
@@ -105,14 +141,16 @@ pub(super) struct Peer {
     pub(super) version: Option<u64>,
 }
 impl Peer {
-    fn new(name: Text) -> Peer {
+    fn new(name: Text, number: u32) -> Peer {
         Peer {
             name,
             identity: None,
             discovered: None,
             told: Vec::new(),
             sought_until: Duration::ZERO,
-            knows: BTreeSet::new(),
+            number,
+            knows: Numbers::default(),
+            tells: Numbers::default(),
             known: Vec::new(),
             seeds: BTreeSet::new(),
             links: Vec::new(),
@@ -123,6 +161,11 @@ impl Peer {
             waiting: Waiting::default(),
             version: None,
         }
+    }
+
+    fn forget_number(&mut self, number: u32) {
+        self.knows.remove(number);
+        self.tells.remove(number);
     }
 
     /// How its agents came to be known.

@@ -58,12 +58,12 @@ impl Mts {
         let peer = self.peers.meet(instance, &name);
         peer.discovered = Some(addresses);
         self.directory.set_source(instance, Source::Mdns);
-        self.dial_found_peer(now, instance);
+        self.dial_found_peer(now, instance, Duration::ZERO);
         self.publish_changes(now);
     }
 
-    /// Dials a peer of which something new was heard, if it needs that.
-    pub(super) fn dial_found_peer(&mut self, now: Now, instance: InstanceId) {
+    /// Dials a peer of which something new was heard, if it needs that, when its turn comes.
+    pub(super) fn dial_found_peer(&mut self, now: Now, instance: InstanceId, turn: Duration) {
         let Some(peer) = self.peers.get(instance) else {
             return;
         };
@@ -71,9 +71,11 @@ impl Mts {
             return;
         }
         if self.config.instance > instance {
-            self.dial_peer_later(now, instance, COURTESY);
-        } else {
+            self.dial_peer_later(now, instance, turn + COURTESY);
+        } else if turn.is_zero() {
             self.dial_peer(now, instance);
+        } else {
+            self.dial_peer_later(now, instance, turn);
         }
     }
 
@@ -163,7 +165,7 @@ impl Mts {
             _ => {}
         }
         if first {
-            self.tell_platforms_soon(now, instance);
+            self.tell_platforms_soon(now);
             let via = self.conn_via(conn);
             if hello.name == self.config.name {
                 let (name, other) = (hello.name.clone(), via.clone());
@@ -217,6 +219,7 @@ impl Mts {
         peer.down_since = Some(now.mono);
         peer.last_error = reason.to_owned();
         let name = peer.name.clone();
+        self.unsay_platform(now, instance);
         self.directory.set_state(now, instance, State::Suspect);
         self.notice(Notice::PeerSuspect {
             name,
@@ -236,6 +239,7 @@ impl Mts {
             // Its links close by themselves; none of that is a fault.
             peer.down_since = Some(now.mono);
         }
+        self.unsay_platform(now, instance);
         self.peer_gone(now, instance);
     }
 
@@ -451,7 +455,7 @@ impl Mts {
 
 /// The link to write the next letter to. Those that wait are not written before there is room: so
 /// an urgent one passes them, and each sender has its turn.
-fn free_link(conns: &mut BTreeMap<ConnId, Conn>, links: &[ConnId]) -> Option<ConnId> {
+fn free_link(conns: &mut BTreeMap<ConnId, Box<Conn>>, links: &[ConnId]) -> Option<ConnId> {
     let usable = |conn: &&ConnId| conns.get(conn).is_some_and(|open| !open.retired);
     let conn = links.iter().find(usable).copied()?;
     let open = conns.get_mut(&conn)?;

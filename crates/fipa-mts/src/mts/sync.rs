@@ -74,15 +74,17 @@ impl Mts {
         if !own.is_empty() {
             self.version += 1;
         }
-        let listeners: Vec<(ConnId, bool, bool)> = self
-            .conns
-            .iter()
-            .filter_map(|(conn, open)| match open.partner {
-                Partner::Daemon { .. } => Some((*conn, open.same_host, true)),
-                Partner::Program { watch: true, .. } => Some((*conn, open.same_host, false)),
-                _ => None,
-            })
-            .collect();
+        let peers = self.conns.iter().filter_map(|(conn, open)| {
+            let is_peer = matches!(open.partner, Partner::Daemon { .. });
+            is_peer.then_some((*conn, open.same_host, true))
+        });
+        let host_of = |conn: &ConnId| Some(self.conns.get(conn)?.same_host);
+        let programs = self.watchers.iter();
+        let programs = programs.filter_map(|conn| Some((*conn, host_of(conn)?, false)));
+        let mut listeners: Vec<(ConnId, bool, bool)> = programs.collect();
+        if !own.is_empty() {
+            listeners.extend(peers);
+        }
         for (conn, same_host, only_own) in listeners {
             let changes = if only_own { &own } else { &told };
             let items = changes.iter().map(|change| item(now, change, same_host));
