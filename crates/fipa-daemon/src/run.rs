@@ -153,7 +153,7 @@ fn say_conflict(options: &Options, platform: &Platform, change: &Change) {
 }
 
 /// What somebody has to look at: another daemon bears our name, C++ robots cannot be told of an
-/// agent, or somebody is not let in.
+/// agent, somebody is not let in, or gives cause for more notices than are told.
 fn say_notice(options: &Options, notice: &Notice) {
     let event = match notice {
         Notice::Conflict { name, other } => {
@@ -167,6 +167,10 @@ fn say_notice(options: &Options, notice: &Notice) {
         Notice::Refused { who, reason } => {
             tracing::warn!("{notice}");
             json!({"event": "refused", "who": who.as_str(), "reason": reason.as_str()})
+        }
+        Notice::LeftOut { who, count } => {
+            tracing::warn!("{notice}");
+            json!({"event": "left-out", "who": who.as_str(), "count": count})
         }
         _ => return,
     };

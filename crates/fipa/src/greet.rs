@@ -50,6 +50,9 @@ pub enum GreetError {
     /// Nobody was reached.
     #[error("{0}")]
     Unreachable(String),
+    /// Robots of a fleet let in nobody else.
+    #[error("it lets in robots of its fleet only")]
+    Keyless,
     /// Somebody answered who is no platform of this kind or version.
     #[error("{0}")]
     Strange(String),
@@ -110,7 +113,7 @@ pub(crate) async fn greet_by(
     let Ok(Ok(answered)) = answered else {
         return Err(GreetError::Mute);
     };
-    let hello = answered.map_err(GreetError::Strange)?;
+    let hello = answered?;
     Ok(Greeting {
         address,
         instance: hello.instance,
@@ -121,7 +124,7 @@ pub(crate) async fn greet_by(
     })
 }
 
-type Answer = oneshot::Sender<Result<Hello, String>>;
+type Answer = oneshot::Sender<Result<Hello, GreetError>>;
 
 struct Greeter {
     clock: Clock,
@@ -134,9 +137,12 @@ impl Driver for Greeter {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let answer = match state.0.receive(self.clock.now(), octets) {
             Ok(Some(Event::Opened(hello))) => Ok(hello),
-            Ok(Some(Event::Frame(Frame::Goodbye(reason)))) => Err(format!("it refused: {reason}")),
+            Ok(Some(Event::Frame(Frame::Goodbye(reason)))) => Err(match &*reason {
+                fipa_mts::ONLY_FLEET => GreetError::Keyless,
+                reason => GreetError::Strange(format!("it refused: {reason}")),
+            }),
             Ok(_) => return,
-            Err(error) => Err(error.to_string()),
+            Err(error) => Err(GreetError::Strange(error.to_string())),
         };
         if let Some(waiting) = state.1.take() {
             // Whoever has given up does not want to know any more.

@@ -53,6 +53,7 @@ mod management;
 mod names;
 mod node;
 mod platform;
+mod restraint;
 mod room;
 mod security;
 mod sending;

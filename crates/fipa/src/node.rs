@@ -24,6 +24,7 @@ use crate::clock::Clock;
 use crate::conversations::Talk;
 use crate::greet::greet_by;
 use crate::http;
+use crate::restraint::Restraint;
 use crate::room::Place;
 use crate::security::Security;
 use crate::sniffer::Tap;
@@ -66,12 +67,21 @@ pub(crate) struct Hub {
     mail: HashMap<Text, Arc<Notify>>,
     changes: Vec<mpsc::UnboundedSender<Change>>,
     notices: Vec<mpsc::UnboundedSender<Notice>>,
+    restraint: Restraint,
     facts: Vec<oneshot::Sender<Facts>>,
     call_backs: HashMap<u64, oneshot::Sender<CalledBack>>,
     verify: Option<mpsc::UnboundedSender<Announced>>,
     talks: Vec<Weak<Talk>>,
     tap: Option<Tap>,
     ended: bool,
+}
+
+impl<M: Machine> State<M> {
+    /// When the timer task is to call.
+    fn poll_timeout(&self) -> Option<Duration> {
+        let due = self.hub.restraint.due();
+        self.machine.poll_timeout().into_iter().chain(due).min()
+    }
 }
 
 impl Hub {
@@ -154,8 +164,29 @@ impl Hub {
         receiver
     }
 
-    /// Logs a notice and hands it to whoever listens.
-    fn tell(&mut self, notice: &Notice) {
+    /// Logs a notice and hands it to whoever listens, unless there are too many of its kind.
+    fn tell(&mut self, now: Now, notice: &Notice) {
+        self.tell_left_out(now);
+        if self.restraint.allows(now.mono, notice) {
+            self.say(notice);
+        }
+    }
+
+    fn take_notice(&mut self, now: Now, notice: &Notice) {
+        self.tell(now, notice);
+        if let Notice::DaemonGivenUp { .. } = notice {
+            self.end();
+        }
+    }
+
+    /// Tells how many notices were too many, when it is time for that.
+    fn tell_left_out(&mut self, now: Now) {
+        for notice in self.restraint.left_out(now.mono) {
+            self.say(&notice);
+        }
+    }
+
+    fn say(&mut self, notice: &Notice) {
         tracing::info!("{notice}");
         self.notices
             .retain(|listener| listener.send(notice.clone()).is_ok());
@@ -163,6 +194,9 @@ impl Hub {
 
     /// Nothing will come any more; whoever waits is told.
     pub(crate) fn end(&mut self) {
+        for notice in self.restraint.left_out_so_far() {
+            self.say(&notice);
+        }
         self.ended = true;
         self.outcomes.clear();
         self.registrations.clear();
@@ -285,9 +319,9 @@ impl<M: Machine + Send + 'static> Node<M> {
             Ok(Some(stream)) => self.accepted(stream, false),
             Ok(None) => {}
             Err(reason) if reason.is_empty() => tracing::debug!("refused {remote} again"),
-            Err(reason) => self.with(|_, _, hub| {
+            Err(reason) => self.with(|now, _, hub| {
                 let (who, reason) = (Text::from(remote), Text::from(reason));
-                hub.tell(&Notice::Refused { who, reason });
+                hub.tell(now, &Notice::Refused { who, reason });
             }),
         }
     }
@@ -412,10 +446,11 @@ impl<M: Machine + Send + 'static> Node<M> {
                     }
                 }
                 Output::Revoked(list) => self.learn_revoked(state, &list),
+                Output::Notice(notice) => state.hub.take_notice(self.clock.now(), &notice),
                 output => tell(&mut state.hub, output),
             }
         }
-        let next = state.machine.poll_timeout();
+        let next = state.poll_timeout();
         let sooner = match (next, state.scheduled) {
             (Some(next), Some(scheduled)) => next < scheduled,
             (next, scheduled) => next.is_some() && scheduled.is_none(),
@@ -439,7 +474,9 @@ async fn call_at(address: Address, whom: InstanceId, security: Security) -> Call
             let result = match error {
                 GreetError::Refused(_) => CallBackResult::Refused,
                 GreetError::Unreachable(_) => CallBackResult::NotReached,
-                GreetError::Strange(_) | GreetError::Mute => CallBackResult::Stranger,
+                GreetError::Strange(_) | GreetError::Keyless | GreetError::Mute => {
+                    CallBackResult::Stranger
+                }
             };
             let reason = error.to_string();
             let place = format!("{address}: ");
@@ -484,7 +521,7 @@ impl<M: Machine + Send + 'static> Node<M> {
                 continue;
             };
             if let Some(handle) = state.handles.get(conn) {
-                state.hub.tell(&Notice::Refused { who, reason });
+                state.hub.tell(now, &Notice::Refused { who, reason });
                 handle.abort();
             }
         }
@@ -526,12 +563,6 @@ fn tell(hub: &mut Hub, output: Output) {
             hub.changes
                 .retain(|listener| listener.send(change.clone()).is_ok());
         }
-        Output::Notice(notice) => {
-            hub.tell(&notice);
-            if let Notice::DaemonGivenUp { .. } = notice {
-                hub.end();
-            }
-        }
         Output::Facts(facts) => {
             // Whoever gave up waiting does not want to know any more.
             let waiting = std::mem::take(&mut hub.facts).into_iter();
@@ -553,6 +584,7 @@ fn tell(hub: &mut Hub, output: Output) {
             }
         }
         Output::Dial { .. }
+        | Output::Notice(_)
         | Output::Post(_)
         | Output::CallBack { .. }
         | Output::Transmit(_)
@@ -580,7 +612,7 @@ async fn run_timers<M: Machine + Send + 'static>(node: Weak<Node<M>>, timer: Arc
                 return;
             };
             let mut state = node.lock();
-            state.scheduled = state.machine.poll_timeout();
+            state.scheduled = state.poll_timeout();
             state.scheduled.map(|mono| node.clock.instant(mono))
         };
         let wait = async {
@@ -595,6 +627,7 @@ async fn run_timers<M: Machine + Send + 'static>(node: Weak<Node<M>>, timer: Arc
                     let mut state = node.lock();
                     let now = node.clock.now();
                     state.machine.handle_timeout(now);
+                    state.hub.tell_left_out(now);
                     node.act(&mut state, None);
                 }
             }

@@ -365,6 +365,11 @@ fn no_answer(evidence: &Evidence, call: &Call, error: &GreetError) -> Check {
             format!("{whom} is not reached: {reason}"),
             "see that its host is on and in the same network, and that its firewall lets the port in",
         ),
+        GreetError::Keyless => failed(
+            "scope",
+            format!("{whom} lets in robots of its fleet only, and this one has no key of it"),
+            "have both in one fleet (fipa key join), or neither",
+        ),
         GreetError::Strange(reason) => failed(
             "version",
             format!("at {places} no fipad of this version answers: {reason}"),

@@ -127,6 +127,7 @@ fn each_fault_is_named_by_its_check_alone() {
     assert_eq!(call(unreachable), ["failed port"]);
     assert_eq!(call(GreetError::Refused("x".to_owned())), ["failed port"]);
     assert_eq!(call(GreetError::Mute), ["failed port"]);
+    assert_eq!(call(GreetError::Keyless), ["failed scope"]);
     assert_eq!(
         call(GreetError::Strange("x".to_owned())),
         ["failed version"]
