@@ -51,9 +51,6 @@ fn kill_daemons(span: Duration) {
         sleep(Duration::from_millis(random.u64(100..3500)));
         daemons[n] = Some(start(n));
     }
-    for c in &controls {
-        eprintln!("DEBUG {c:?}");
-    }
     let counts = load.check();
     println!("{kills} kills, {counts:?}");
     assert!(

@@ -69,11 +69,11 @@ fn twenty_agents_of_a_killed_daemon_are_gone_everywhere_in_time() {
 
 /// The events that were read: what happened, to whom, and the state that it had then.
 #[derive(Debug, Default)]
-struct History(Vec<(String, String, String)>);
+pub(crate) struct History(Vec<(String, String, String)>);
 
 impl History {
     /// Reads until each of these agents had such an event.
-    fn read_until(&mut self, watch: &mut Process, event: &str, names: &[&str]) {
+    pub(crate) fn read_until(&mut self, watch: &mut Process, event: &str, names: &[&str]) {
         let mut missing = names.to_vec();
         while !missing.is_empty() {
             let line = watch.json();
@@ -88,7 +88,7 @@ impl History {
     }
 
     /// When an agent came and went.
-    fn of(&self, name: &str) -> Vec<&str> {
+    pub(crate) fn of(&self, name: &str) -> Vec<&str> {
         self.0
             .iter()
             .filter(|(event, whose, _)| whose == name && event != "changed")
@@ -97,7 +97,7 @@ impl History {
     }
 
     /// Whether an agent became alive again that was suspect, without having been removed.
-    fn flaps(&self, name: &str) -> bool {
+    pub(crate) fn flaps(&self, name: &str) -> bool {
         let of_agent = self.0.iter().filter(|(_, whose, _)| whose == name);
         let mut suspect = false;
         for (event, _, state) in of_agent {

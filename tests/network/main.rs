@@ -18,5 +18,7 @@ mod names;
 mod outbox;
 mod patterns;
 mod peers;
+mod radio;
+mod rates;
 mod text;
 mod wires;

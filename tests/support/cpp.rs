@@ -30,9 +30,8 @@ impl CppRobot {
             skipped("python3 with zeroconf");
             return None;
         }
-        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/support/cpp_robot.py");
         let mut command = Command::new("python3");
-        command.args([script, address]);
+        command.args(["-c", include_str!("cpp_robot.py"), address]);
         let mut process = Process::start(namespace.enter(&command));
         let port = process.json()["listens"].as_u64().unwrap();
         Some(CppRobot {

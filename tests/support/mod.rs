@@ -7,6 +7,7 @@ pub(crate) mod cpp;
 pub(crate) mod daemon;
 pub(crate) mod namespace;
 pub(crate) mod process;
+pub(crate) mod radio;
 
 use std::time::Duration;
 
