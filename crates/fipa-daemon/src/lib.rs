@@ -24,8 +24,9 @@ mod text;
 use std::future::Future;
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::Arc;
 
-use fipa::Error;
+use fipa::{Error, LetterTransport};
 use rustix::process::{Resource, Rlimit};
 use tracing_subscriber::EnvFilter;
 
@@ -34,9 +35,15 @@ use crate::run::RunError;
 
 /// The program: reads the command line of this process and does what it says.
 pub fn main() -> ExitCode {
+    main_with(&[])
+}
+
+/// The same program with transports plugged in: it takes their addresses for `--listen` and
+/// `--advertise`, and sends to them.
+pub fn main_with(transports: &[Arc<dyn LetterTransport>]) -> ExitCode {
     let env = |name: &str| Some(std::env::var_os(name)?.to_string_lossy().into_owned());
     match options::parse(std::env::args_os(), env) {
-        Ok(Invocation::Run(options)) => daemon(&options),
+        Ok(Invocation::Run(options)) => daemon(&options, transports),
         Ok(Invocation::Demo) => demo(),
         Ok(Invocation::Config) => print(options::DEFAULT_CONFIG),
         Ok(Invocation::Help(text)) => print(&text),
@@ -44,10 +51,10 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn daemon(options: &Options) -> ExitCode {
+fn daemon(options: &Options, transports: &[Arc<dyn LetterTransport>]) -> ExitCode {
     log("warn,fipa=info");
     raise_open_files();
-    match block_on(run::run(options)) {
+    match block_on(run::run(options, transports)) {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(RunError::Platform(
             error @ (Error::Name(_) | Error::Address(_) | Error::NotCertified { .. }),

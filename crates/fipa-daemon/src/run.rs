@@ -1,8 +1,9 @@
 //! The daemon at work: a platform with a control socket, until a signal ends it.
 
 use std::io::{self, Write};
+use std::sync::Arc;
 
-use fipa::{Change, ChangeKind, Error, Notice, Platform};
+use fipa::{Change, ChangeKind, Error, LetterTransport, Notice, Platform};
 use serde_json::json;
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -31,11 +32,14 @@ pub(crate) enum RunError {
 }
 
 /// Runs the daemon until SIGINT or SIGTERM.
-pub(crate) async fn run(options: &Options) -> Result<(), RunError> {
+pub(crate) async fn run(
+    options: &Options,
+    transports: &[Arc<dyn LetterTransport>],
+) -> Result<(), RunError> {
     let mut interrupt = signal(SignalKind::interrupt()).map_err(Error::Runtime)?;
     let mut terminate = signal(SignalKind::terminate()).map_err(Error::Runtime)?;
     let mut fleet = membership::load(options)?;
-    let platform = platform(options, fleet.as_ref()).await?;
+    let platform = platform(options, transports, fleet.as_ref()).await?;
     let log = match &options.log_letters {
         Some(path) => Some(LetterLog::start(&platform, path)?),
         None => None,
@@ -78,7 +82,11 @@ async fn look(fleet: &mut Option<Watched>, platform: &Platform) {
     }
 }
 
-async fn platform(options: &Options, fleet: Option<&Watched>) -> Result<Platform, Error> {
+async fn platform(
+    options: &Options,
+    transports: &[Arc<dyn LetterTransport>],
+    fleet: Option<&Watched>,
+) -> Result<Platform, Error> {
     let mut builder = Platform::builder()
         .scope(&options.scope)
         .mdns(!options.no_mdns)
@@ -93,6 +101,9 @@ async fn platform(options: &Options, fleet: Option<&Watched>) -> Result<Platform
     builder = builder.rules(options.rules.clone());
     if let Some(fleet) = fleet {
         builder = builder.fleet(fleet.membership());
+    }
+    for transport in transports {
+        builder = builder.transport(Arc::clone(transport));
     }
     if let Some(name) = &options.name {
         builder = builder.name(name);

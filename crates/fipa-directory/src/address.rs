@@ -7,8 +7,9 @@ use fipa_acl::Text;
 /// A transport address: where a message transport service listens.
 ///
 /// `tcp://HOST:PORT` (HOST a name, an IPv4 address or an IPv6 address in brackets),
-/// `http://HOST[:PORT][/PATH]` for the message transport protocol over HTTP (FIPA SC00084F), or
-/// `unix://PATH` for a socket on this machine.
+/// `http://HOST[:PORT][/PATH]` for the message transport protocol over HTTP (FIPA SC00084F),
+/// `unix://PATH` for a socket on this machine, or `SCHEME://HOST:PORT` for a transport that a
+/// program may have plugged in, such as `udt://192.168.1.5:4100`.
 ///
 /// ```
 /// use fipa_directory::Address;
@@ -36,6 +37,15 @@ pub enum Address {
     },
     /// A Unix socket.
     Unix(String),
+    /// Where letters are taken one by one, by a transport that is not built in.
+    Other {
+        /// What stands before `://`: lower-case letters, digits, `+`, `-` and `.`.
+        scheme: String,
+        /// Name or IP address, without brackets.
+        host: String,
+        /// 0 stands for a free port where one listens.
+        port: u16,
+    },
 }
 
 /// The port of an HTTP URL that names none.
@@ -76,10 +86,17 @@ impl Address {
         matches!(self, Address::Http { .. })
     }
 
+    /// Whether a link can be opened there; elsewhere letters are handed over one by one.
+    pub fn is_link(&self) -> bool {
+        matches!(self, Address::Tcp { .. } | Address::Unix(_))
+    }
+
     /// The name or IP address of the host; a Unix socket has none.
     pub fn host(&self) -> Option<&str> {
         match self {
-            Address::Tcp { host, .. } | Address::Http { host, .. } => Some(host),
+            Address::Tcp { host, .. }
+            | Address::Http { host, .. }
+            | Address::Other { host, .. } => Some(host),
             Address::Unix(_) => None,
         }
     }
@@ -129,6 +146,10 @@ impl fmt::Display for Address {
             }
             Address::Http { host, port, path } => write!(f, "http://{host}:{port}{path}"),
             Address::Unix(path) => write!(f, "unix://{path}"),
+            Address::Other { scheme, host, port } if host.contains(':') => {
+                write!(f, "{scheme}://[{host}]:{port}")
+            }
+            Address::Other { scheme, host, port } => write!(f, "{scheme}://{host}:{port}"),
         }
     }
 }
@@ -146,7 +167,11 @@ impl FromStr for Address {
             Some((scheme, rest)) if scheme.eq_ignore_ascii_case("http") => {
                 http(rest).ok_or_else(shape)
             }
-            Some((scheme, _)) => Err(ParseAddressError::Scheme(format!("{scheme}://"))),
+            Some((scheme, authority)) => {
+                let other = is_scheme(scheme).then(|| other(scheme, authority));
+                let strange = || ParseAddressError::Scheme(format!("{scheme}://"));
+                other.flatten().ok_or_else(strange)
+            }
             None => tcp(text).ok_or_else(shape),
         }
     }
@@ -155,6 +180,21 @@ impl FromStr for Address {
 fn tcp(authority: &str) -> Option<Address> {
     let (host, port) = host_and_port(authority)?;
     Some(Address::tcp(host, port?))
+}
+
+fn other(scheme: &str, authority: &str) -> Option<Address> {
+    let (host, port) = host_and_port(authority)?;
+    Some(Address::Other {
+        scheme: scheme.to_owned(),
+        host: host.to_owned(),
+        port: port?,
+    })
+}
+
+/// Whether a scheme is written as URLs have it (RFC 3986, section 3.1), in lower case.
+fn is_scheme(text: &str) -> bool {
+    let inner = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || b"+-.".contains(&c);
+    text.starts_with(|c: char| c.is_ascii_lowercase()) && text.bytes().all(inner)
 }
 
 fn http(rest: &str) -> Option<Address> {

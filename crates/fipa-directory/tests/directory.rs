@@ -200,10 +200,24 @@ fn what_only_this_host_or_its_link_can_reach_is_not_for_others() {
         ("tcp://169.254.7.7:1", false),
         ("tcp://[fe80::1]:1", false),
         ("tcp://[fe80::1%2]:1", false),
+        ("udt://10.0.0.1:1", true),
+        ("udt://127.0.0.1:1", false),
         ("unix:///run/x.sock", false),
     ] {
         let address: Address = address.parse().unwrap();
         assert_eq!(address.is_for_others(), for_others, "{address}");
+    }
+}
+
+#[test]
+fn links_are_opened_over_tcp_and_unix_sockets_only() {
+    for (address, is_link) in [
+        ("tcp://h:1", true),
+        ("unix:///run/x.sock", true),
+        ("http://h/acc", false),
+        ("udt://h:1", false),
+    ] {
+        assert_eq!(address.parse::<Address>().unwrap().is_link(), is_link);
     }
 }
 
@@ -218,6 +232,8 @@ fn addresses_are_read_strictly() {
         ("HTTP://robot1", "http://robot1:80/"),
         ("http://[::1]/acc?a=b#c", "http://[::1]:80/acc?a=b"),
         ("http://10.0.0.1:1", "http://10.0.0.1:1/"),
+        ("udt://10.0.0.1:4100", "udt://10.0.0.1:4100"),
+        ("x-1.y+z://[::1]:0", "x-1.y+z://[::1]:0"),
     ] {
         assert_eq!(text.parse::<Address>().unwrap().to_string(), shown);
     }
@@ -229,7 +245,10 @@ fn addresses_are_read_strictly() {
         "tcp://h:99999",
         "h:+1",
         "::1:9",
-        "udt://h:1",
+        "udt://h",
+        "udt://:1",
+        "Udt://h:1",
+        "1u://h:1",
         "tcp://h/x:1",
         "http://",
         "http://u@h/acc",

@@ -26,6 +26,9 @@ pub struct Config {
     pub mdns_port: Option<u16>,
     /// The URLs under which letters are posted to it over HTTP, as others are told.
     pub http: Vec<Address>,
+    /// The schemes of the addresses to which letters are handed over one by one, by transports that
+    /// its host has plugged in.
+    pub schemes: Vec<Text>,
     /// Octets of the largest letter.
     pub max_letter: usize,
     /// What the decoder of envelopes accepts.
@@ -65,6 +68,7 @@ impl Config {
             endpoints: Vec::new(),
             mdns_port: None,
             http: Vec::new(),
+            schemes: Vec::new(),
             max_letter: 256 << 20,
             limits: Limits::default(),
             longest_wait: Duration::from_secs(600),

@@ -13,7 +13,7 @@
 //!
 //! A connection that somebody else opened is our link, or brings one letter of another make: its
 //! first octets tell. Letters to agents of other makes leave in the dialect of their location's
-//! signature, one a connection or posted over HTTP, and their outcome is `sent`: nobody over there
+//! signature, one a connection, posted over HTTP or handed to a transport that is plugged in, and their outcome is `sent`: nobody over there
 //! gives receipts.
 //!
 //! **Knows** stamps, receivers, who is reached over which link, what became of each letter, when
@@ -38,7 +38,7 @@ pub use config::{Config, ProgramConfig};
 pub use failure::DeliveryFailure;
 pub use machine::{
     Announced, Arrived, ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostFailure,
-    PostId, PostedLetter, Refusal, RegisterError, Registration, Submission, is_full,
+    PostId, PostedLetter, Refusal, RegisterError, Registration, SentLetter, Submission, is_full,
 };
 pub use mailbox::{Mailbox, MailboxFull};
 pub use mts::{Mts, ONLY_FLEET};

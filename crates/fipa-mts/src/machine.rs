@@ -176,10 +176,24 @@ pub struct PostedLetter {
     pub timeout: Duration,
 }
 
-/// Why a letter that was to be posted was not taken over.
+/// A letter to be handed over whole by a transport that is plugged in.
+#[derive(Clone, Debug)]
+pub struct SentLetter {
+    /// The number to answer with.
+    pub post: PostId,
+    /// Where to: an [`Address::Other`].
+    pub address: Address,
+    /// Its octets: a bit-efficient envelope, and the payload.
+    pub letter: Bytes,
+    /// How long the outcome is waited for.
+    pub timeout: Duration,
+}
+
+/// Why a letter that was to be posted, or handed over by a transport that is plugged in, was not
+/// taken over.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PostFailure {
-    /// Not all of it was written: nobody has it.
+    /// Not all of it was written: nobody has it. It is tried again.
     #[error("{0}")]
     Unreached(String),
     /// It was written, and nobody said that it was taken over.
@@ -251,6 +265,8 @@ pub enum Output {
     Abort(ConnId),
     /// Post this letter, and say how it went by [`Machine::posted`].
     Post(Box<PostedLetter>),
+    /// Hand this letter over, and say how it went by [`Machine::posted`].
+    Send(Box<SentLetter>),
     /// What became of a registration.
     Registered {
         /// The ticket it was asked with.
@@ -479,7 +495,7 @@ pub trait Machine {
     fn received(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut);
     /// The stream ended; what had arrived was handed over before.
     fn closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>);
-    /// What became of an [`Output::Post`].
+    /// What became of an [`Output::Post`] or an [`Output::Send`].
     ///
     /// Only a service posts.
     fn posted(&mut self, now: Now, post: PostId, result: Result<(), PostFailure>) {

@@ -92,7 +92,7 @@ async fn connect(address: &Address) -> io::Result<Stream> {
     let attempt = async {
         match address {
             Address::Unix(path) => unix::connect(path).await,
-            Address::Http { .. } => {
+            Address::Http { .. } | Address::Other { .. } => {
                 Err(io::Error::other("letters are posted there, it is no link"))
             }
             Address::Tcp { host, port } => {

@@ -50,6 +50,9 @@ impl Listener {
                 let reason = "letters over HTTP are taken by a server of their own";
                 return Err(failed(io::Error::other(reason)));
             }
+            Address::Other { .. } => {
+                return Err(failed(io::Error::other("no transport of this kind")));
+            }
             Address::Unix(path) => {
                 let path = PathBuf::from(path);
                 let listener = unix::bind(&path).map_err(failed)?;

@@ -25,6 +25,7 @@ unsafe extern "C" {
         milliseconds: c_int,
         error: *mut RawError,
     ) -> c_int;
+    fn fipa_udt_unconfirmed(socket: c_int, error: *mut RawError) -> c_int;
     fn fipa_udt_receive(
         socket: c_int,
         octets: *mut c_char,
@@ -96,6 +97,15 @@ impl Socket {
             )
         })?;
         Ok(())
+    }
+
+    /// Whether the other side has confirmed all that was sent.
+    pub(crate) fn is_confirmed(&self) -> Result<bool, UdtError> {
+        // SAFETY: as for `local_port`.
+        let packets = call("cannot send", |error| unsafe {
+            fipa_udt_unconfirmed(self.0, error)
+        })?;
+        Ok(packets == 0)
     }
 
     pub(crate) fn receive(

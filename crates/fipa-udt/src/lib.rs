@@ -5,7 +5,8 @@
 //! connections gives each a thread of its own.
 //!
 //! It stands apart from the other crates: it needs a C++ compiler and the system's libudt (Debian:
-//! `libudt-dev`), and it alone has `unsafe` code. A program that wants UDT plugs it in.
+//! `libudt-dev`), and it alone has `unsafe` code. A program that wants UDT plugs it in, as a
+//! [`UdtTransport`]: the example `fipad-udt` is a daemon with it.
 //!
 //! ```
 //! use std::time::Duration;
@@ -22,14 +23,20 @@
 //! ```
 
 mod ffi;
+mod transport;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::ffi::Socket;
 
+pub use transport::UdtTransport;
+
 /// The longest letter, in octets: the size of the buffers, as `fipa_services` has it.
 pub const MAX_LETTER: usize = 10_000_000;
+
+/// How often it is looked whether letters are confirmed; libudt confirms each 10 ms.
+const LOOK: Duration = Duration::from_millis(2);
 
 /// What libudt says went wrong.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -108,8 +115,8 @@ impl Connection {
         self.socket.peer()
     }
 
-    /// Hands a letter to libudt, which sends it for as long as the connection lasts. Nothing tells
-    /// whether it arrived.
+    /// Hands a letter to libudt, which sends it for as long as the connection lasts; how far it has
+    /// got, [`flush`](Self::flush) tells.
     ///
     /// # Errors
     /// If the connection is broken, the letter empty or longer than [`MAX_LETTER`], or the buffer
@@ -126,6 +133,24 @@ impl Connection {
             });
         }
         self.socket.send(letter, wait)
+    }
+
+    /// Waits until the libudt of the other side has confirmed that it has all letters that were sent,
+    /// for so long at most; whether it has. Whether the program there has read them, nothing tells.
+    ///
+    /// # Errors
+    /// If the connection is broken or the other end has closed it.
+    pub fn flush(&self, wait: Duration) -> Result<bool, UdtError> {
+        let until = Instant::now() + wait;
+        loop {
+            if self.socket.is_confirmed()? {
+                return Ok(true);
+            }
+            if Instant::now() >= until {
+                return Ok(false);
+            }
+            std::thread::sleep(LOOK);
+        }
     }
 
     /// The next letter, or `None` if none comes for so long.

@@ -201,6 +201,18 @@ int fipa_udt_send(int socket, const char* octets, int count, int milliseconds,
     });
 }
 
+// The packets that the other side has not confirmed yet.
+int fipa_udt_unconfirmed(int socket, fipa_udt_error* error) {
+    return guarded(error, [=] {
+        int count = 0;
+        int length = sizeof count;
+        if (UDT::getsockopt(socket, 0, UDT_SNDDATA, &count, &length) == UDT::ERROR) {
+            return fail(error);
+        }
+        return count;
+    });
+}
+
 // The octets of the next message, or 0 if none came.
 //
 // A receive with a time-out waits first and looks then: it sleeps over a message that is there

@@ -1,8 +1,9 @@
-// A program on libudt alone, as a C++ robot uses it: sends letters from files, or writes the letters
-// that it receives to files.
+// A program on libudt alone, as a C++ robot uses it: sends letters from files, writes the letters
+// that it receives to files, or passes them on.
 //
 //   peer send PORT FILE...        connects to 127.0.0.1, one message a file
 //   peer receive COUNT PREFIX     prints its port, writes PREFIX0, PREFIX1, …
+//   peer relay COUNT PORT         prints its port, sends what it receives to 127.0.0.1
 
 #include <arpa/inet.h>
 #include <udt/udt.h>
@@ -30,6 +31,7 @@ int main(int argc, char** argv) {
     UDTSOCKET socket = UDT::socket(AF_INET, SOCK_DGRAM, 0);
     int buffer = 10000000;
     UDT::setsockopt(socket, 0, UDT_RCVBUF, &buffer, sizeof buffer);
+    sockaddr_in onward = address;
     if (mode == "send") {
         address.sin_port = htons(std::atoi(argv[2]));
         if (UDT::connect(socket, (sockaddr*)&address, sizeof address) == UDT::ERROR) {
@@ -58,14 +60,28 @@ int main(int argc, char** argv) {
     if (caller == UDT::INVALID_SOCK) {
         return fail("accept");
     }
+    bool relays = mode == "relay";
+    UDTSOCKET next = UDT::socket(AF_INET, SOCK_DGRAM, 0);
+    onward.sin_port = htons(std::atoi(argv[3]));
+    if (relays && UDT::connect(next, (sockaddr*)&onward, sizeof onward) == UDT::ERROR) {
+        return fail("connect");
+    }
     std::vector<char> letter(buffer);
     for (int i = 0; i < std::atoi(argv[2]); i++) {
         int count = UDT::recvmsg(caller, letter.data(), letter.size());
         if (count == UDT::ERROR) {
             return fail("receive");
         }
+        if (relays) {
+            if (UDT::sendmsg(next, letter.data(), count, -1, true) == UDT::ERROR) {
+                return fail("send");
+            }
+            continue;
+        }
         std::ofstream(argv[3] + std::to_string(i), std::ios::binary).write(letter.data(), count);
         std::cout << count << std::endl;
     }
+    // Until whoever started it has seen enough.
+    pause();
     return 0;
 }

@@ -1,51 +1,16 @@
 //! Letters to and from a C++ program that knows nothing but libudt.
 
+mod support;
+
 use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, SocketAddrV4};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use fipa_udt::{Connection, Listener, MAX_LETTER};
 
-const PATIENCE: Duration = Duration::from_secs(10);
-
-/// The letters that a robot in C++ was recorded to send.
-fn recordings() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/vectors/mts");
-    let mut files: Vec<_> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "bin"))
-        .collect();
-    files.sort();
-    assert!(files.len() > 5, "{files:?}");
-    files
-}
-
-fn compiled(name: &str) -> PathBuf {
-    let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peer.cpp");
-    let status = Command::new("c++")
-        .arg("-o")
-        .args([&program, &source])
-        .args(["-ludt", "-lpthread"])
-        .status()
-        .unwrap();
-    assert!(status.success());
-    program
-}
-
-/// A child that does not outlive the test.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
+use support::{PATIENCE, Running, compiled, recordings};
 
 #[test]
 fn recorded_letters_of_a_cpp_sender_arrive_whole_and_in_order() {

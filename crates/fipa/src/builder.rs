@@ -20,6 +20,7 @@ use crate::backend::Backend;
 use crate::clock::Clock;
 use crate::discovery::{self, Discovery};
 use crate::http;
+use crate::letters::{BoundPlugIn, LetterTransport, PlugIns};
 use crate::management;
 use crate::names::{self, NameLock};
 use crate::node::{Hub, Node};
@@ -47,6 +48,7 @@ pub struct PlatformBuilder {
     outbox: OutboxConfig,
     http: Option<(String, String)>,
     rules: Rules,
+    transports: PlugIns,
     #[cfg(feature = "tls")]
     fleet: Option<Arc<Membership>>,
 }
@@ -72,6 +74,7 @@ impl PlatformBuilder {
             outbox: OutboxConfig::default(),
             http: None,
             rules: Rules::default(),
+            transports: PlugIns::default(),
             #[cfg(feature = "tls")]
             fleet: None,
         }
@@ -92,8 +95,9 @@ impl PlatformBuilder {
         self
     }
 
-    /// Adds an endpoint, `tcp://HOST:PORT` or `HOST:PORT`. Default `tcp://127.0.0.1:0`; port 0
-    /// takes a free one, and `0.0.0.0` means every address of the machine.
+    /// Adds an endpoint, `tcp://HOST:PORT` or `HOST:PORT`, or one of a
+    /// [transport](Self::transport) that is plugged in. Default `tcp://127.0.0.1:0`; port 0 takes a
+    /// free one, and `0.0.0.0` means every address of the machine.
     #[must_use]
     pub fn listen(mut self, endpoint: impl Into<String>) -> PlatformBuilder {
         self.listen.push(endpoint.into());
@@ -186,6 +190,13 @@ impl PlatformBuilder {
         self
     }
 
+    /// Plugs a transport in, beside those that are built in.
+    #[must_use]
+    pub fn transport(mut self, transport: Arc<dyn LetterTransport>) -> PlatformBuilder {
+        self.transports.add(transport);
+        self
+    }
+
     /// Who may send to whom, and who may register. Default: everybody may.
     #[must_use]
     pub fn rules(mut self, rules: Rules) -> PlatformBuilder {
@@ -208,11 +219,11 @@ impl PlatformBuilder {
         let mut octets = [0; 16];
         getrandom::fill(&mut octets).map_err(|error| Error::Random(error.to_string()))?;
         let instance = InstanceId::from_bytes(octets);
-        let listeners = self.bind().await?;
+        self.check_schemes()?;
+        let (listeners, plugged, bound) = self.bind().await?;
         let outbox = self.state.as_ref().map(fipa_outbox::open).transpose()?;
         let control = self.bind_control().await?;
         let http = self.bind_http().await?;
-        let bound: Vec<Address> = listeners.iter().map(|l| l.address().clone()).collect();
         let endpoints = self.endpoints(&bound)?;
         let (name, lock, discovery) = self.announce(instance, &bound).await?;
 
@@ -223,6 +234,7 @@ impl PlatformBuilder {
         config.fleet = self.robots();
         config.mdns_port = discovery.is_some().then_some(self.mdns_port);
         config.http = self.urls(http.as_ref().map(|(_, url)| url))?;
+        config.schemes = self.transports.schemes();
         if let Some(max) = self.max_letter {
             config.max_letter = max;
             config.limits.max_octets = max;
@@ -230,11 +242,15 @@ impl PlatformBuilder {
         config.outbox = outbox.is_some().then(|| self.outbox.clone());
         let clock = Clock::start();
         let node = Node::start(clock, Mts::new(config), Hub::default(), security);
+        node.plug_in(self.transports.clone());
         if let Some(outbox) = outbox {
             start_outbox(&node, outbox)?;
         }
         #[cfg(feature = "tls")]
         node.check_fleet();
+        for endpoint in plugged {
+            endpoint.serve(&node)?;
+        }
         let mut tasks = Vec::new();
         for listener in listeners {
             tasks.push(tokio::spawn(node.clone().accept_from(listener, false)));
@@ -300,12 +316,36 @@ impl PlatformBuilder {
         return None;
     }
 
-    async fn bind(&self) -> Result<Vec<Listener>, Error> {
-        let mut listeners = Vec::new();
-        for endpoint in self.listen_or_default() {
-            listeners.push(Listener::bind(&endpoint.parse()?).await?);
+    /// Whether all addresses are of transports that there are, and peers at such of links.
+    fn check_schemes(&self) -> Result<(), Error> {
+        for address in self.listen.iter().chain(&self.advertise) {
+            self.transports.check(&address.parse()?)?;
         }
-        Ok(listeners)
+        let none = PlugIns::default();
+        for address in &self.peers {
+            none.check(&address.parse()?)?;
+        }
+        Ok(())
+    }
+
+    /// Binds all endpoints, and tells where they are.
+    async fn bind(&self) -> Result<(Vec<Listener>, Vec<BoundPlugIn>, Vec<Address>), Error> {
+        let (mut listeners, mut plugged, mut bound) = (Vec::new(), Vec::new(), Vec::new());
+        for endpoint in self.listen_or_default() {
+            let address = endpoint.parse()?;
+            match self.transports.bind(&address)? {
+                Some(endpoint) => {
+                    bound.push(endpoint.address.clone());
+                    plugged.push(endpoint);
+                }
+                None => {
+                    let listener = Listener::bind(&address).await?;
+                    bound.push(listener.address().clone());
+                    listeners.push(listener);
+                }
+            }
+        }
+        Ok((listeners, plugged, bound))
     }
 
     fn listen_or_default(&self) -> Vec<&str> {
@@ -399,7 +439,8 @@ impl PlatformBuilder {
         name: &str,
         bound: &[Address],
     ) -> Result<Option<Discovery>, Error> {
-        let endpoints: Vec<SocketAddr> = bound.iter().filter_map(socket_address).collect();
+        let links = bound.iter().filter(|address| address.is_link());
+        let endpoints: Vec<SocketAddr> = links.filter_map(socket_address).collect();
         if !self.mdns || endpoints.is_empty() {
             return Ok(None);
         }

@@ -48,6 +48,7 @@ mod discovery;
 mod error;
 mod greet;
 mod http;
+mod letters;
 pub mod locks;
 mod management;
 mod names;
@@ -88,7 +89,7 @@ pub use fipa_link::{
     ReceiverOutcome, Sniffed,
 };
 pub use fipa_mts::{
-    Action, DeliveryFailure, NamePattern, Network, NetworkError, Notice, OutboxConfig,
+    Action, DeliveryFailure, NamePattern, Network, NetworkError, Notice, OutboxConfig, PostFailure,
     RegisterError, Registration, Rule, Rules,
 };
 pub use fipa_outbox::OpenError as OutboxError;
@@ -96,6 +97,7 @@ pub use fipa_protocol::{Library, Outcome as ConversationOutcome};
 #[cfg(feature = "tls")]
 pub use greet::greet_in_fleet;
 pub use greet::{GreetError, Greeting, greet};
+pub use letters::{LetterInbox, LetterListener, LetterTransport};
 pub use platform::{Changes, Notices, Platform};
 pub use sending::Sending;
 pub use sniffer::{Sniffer, open_letter};

@@ -11,7 +11,7 @@ use fipa_directory::{Address, Change, ChangeKind, InstanceId, Now};
 use fipa_link::{CallBack, CallBackResult, CalledBack, Facts, ReceiverOutcome};
 use fipa_mts::{
     Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostedLetter,
-    RegisterError,
+    RegisterError, SentLetter,
 };
 use fipa_outbox::Store;
 use fipa_transport::http::HttpClient;
@@ -24,6 +24,7 @@ use crate::clock::Clock;
 use crate::conversations::Talk;
 use crate::greet::greet_by;
 use crate::http;
+use crate::letters::PlugIns;
 use crate::restraint::Restraint;
 use crate::room::Place;
 use crate::security::Security;
@@ -55,6 +56,7 @@ struct State<M> {
     hub: Hub,
     /// Where letters for robots that are away are stored, if anywhere.
     store: Option<Store>,
+    plug_ins: Arc<PlugIns>,
 }
 
 /// Who waits for what.
@@ -245,6 +247,7 @@ impl<M: Machine + Send + 'static> Node<M> {
                 scheduled: None,
                 hub,
                 store: None,
+                plug_ins: Arc::default(),
             }),
             clock,
             security,
@@ -271,6 +274,15 @@ impl<M: Machine + Send + 'static> Node<M> {
     /// Gives the machine its store.
     pub(crate) fn set_store(&self, store: Store) {
         self.lock().store = Some(store);
+    }
+
+    /// Gives the machine the transports that are plugged in.
+    pub(crate) fn plug_in(&self, plug_ins: PlugIns) {
+        self.lock().plug_ins = Arc::new(plug_ins);
+    }
+
+    pub(crate) fn has_ended(&self) -> bool {
+        self.lock().hub.has_ended()
     }
 
     /// Writes what waits for the disk, and closes the store.
@@ -381,6 +393,12 @@ impl<M: Machine + Send + 'static> Node<M> {
         self.with(|now, machine, _| machine.posted(now, letter.post, result));
     }
 
+    async fn hand_over(self: Arc<Self>, plug_ins: Arc<PlugIns>, letter: SentLetter) {
+        let post = letter.post;
+        let result = plug_ins.send(letter).await;
+        self.with(|now, machine, _| machine.posted(now, post, result));
+    }
+
     /// Calls a service at each of these addresses.
     async fn call_back(self: Arc<Self>, call: u64, whom: InstanceId, addresses: Vec<Address>) {
         let calls: JoinSet<CallBack> = addresses
@@ -405,6 +423,11 @@ impl<M: Machine + Send + 'static> Node<M> {
                 }
                 Output::Post(letter) => {
                     self.runtime.spawn(Arc::clone(self).post(*letter));
+                }
+                Output::Send(letter) => {
+                    let plug_ins = Arc::clone(&state.plug_ins);
+                    self.runtime
+                        .spawn(Arc::clone(self).hand_over(plug_ins, *letter));
                 }
                 Output::CallBack {
                     call,
@@ -586,6 +609,7 @@ fn tell(hub: &mut Hub, output: Output) {
         Output::Dial { .. }
         | Output::Notice(_)
         | Output::Post(_)
+        | Output::Send(_)
         | Output::CallBack { .. }
         | Output::Transmit(_)
         | Output::Close(_)

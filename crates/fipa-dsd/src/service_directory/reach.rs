@@ -23,17 +23,17 @@ impl Reach {
     }
 
     /// The locations of an agent as others can use them, in the order in which `fipa_services` is
-    /// to try them: TCP over IPv4, the only one that it knows, then other TCP, then the rest under
-    /// signatures that it passes over.
+    /// to try them: TCP over IPv4, then other TCP, then UDT, with which it may be built, then the
+    /// rest under signatures that it passes over.
     pub(crate) fn locations(&self, locations: &[Location]) -> Vec<Location> {
         let mut ranked: Vec<(u8, Location)> = Vec::new();
         for location in locations {
             let Some((scheme, authority)) = location.address.split_once("://") else {
                 continue;
             };
-            let tcp = scheme == "tcp";
+            let (tcp, udt) = (scheme == "tcp", scheme == "udt");
             let ours = location.signature == MESSAGE_TRANSPORT;
-            let signature = match ours && !tcp {
+            let signature = match ours && !tcp && !udt {
                 true => format!("fipa.{scheme}").into(),
                 false => location.signature.clone(),
             };
@@ -41,7 +41,8 @@ impl Reach {
                 let rank = match (tcp, host) {
                     (true, Some(IpAddr::V4(_))) => 0,
                     (true, _) => 1,
-                    (false, _) => 2,
+                    (false, _) if udt => 2,
+                    (false, _) => 3,
                 };
                 let signature = signature.clone();
                 let address = address.into();
@@ -115,6 +116,7 @@ mod tests {
     fn ipv4_comes_first_and_other_transports_last_under_their_own_signature() {
         let addresses = [
             "quic://10.0.0.1:1",
+            "udt://10.0.0.1:5",
             "http://robot:80/acc",
             "tcp://[fd00::1]:2",
             "tcp://robot.local:3",
@@ -124,6 +126,7 @@ mod tests {
             "tcp://10.0.0.1:4 MT",
             "tcp://[fd00::1]:2 MT",
             "tcp://robot.local:3 MT",
+            "udt://10.0.0.1:5 MT",
             "quic://10.0.0.1:1 fipa.quic",
             "http://robot:80/acc fipa.http",
         ];

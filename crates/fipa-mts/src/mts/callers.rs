@@ -43,6 +43,9 @@ pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
 /// The first octet of a TLS handshake.
 const TLS: u8 = 0x16;
 
+/// How letters came that are callers'.
+const TCP: &str = "tcp";
+
 /// Blanks within which a letter in XML must begin.
 const MAX_BLANKS: usize = 64;
 
@@ -213,27 +216,51 @@ impl Mts {
         if octets.is_empty() {
             return;
         }
-        let size = octets.len();
         if !ended.orderly {
             let reason = format!("the connection broke before its end: {}", ended.reason);
-            self.caller_notice(from, size, &reason);
+            self.caller_notice(from, octets.len(), &reason);
             return;
         }
-        let dialect = match EnvelopeRepresentation::detect(&octets) {
+        self.whole_letter(now, from, octets, TCP);
+    }
+
+    /// A letter came whole, by a transport that is plugged in. Its sender is given no receipt; what
+    /// is wrong with it is told by a notice. `from` is where it came from, a URL; `scheme` that of
+    /// the transport.
+    pub fn letter_came(&mut self, now: Now, from: Text, letter: Bytes, scheme: &'static str) {
+        let (octets, max) = (letter.len(), self.config.max_letter);
+        let objection = match self.keyless_refusal(&from) {
+            _ if self.closing => Some("the service ends".to_owned()),
+            Some(refusal) => Some(refusal.to_owned()),
+            None if octets > max => {
+                Some(format!("it is larger than the {max} octets that are taken"))
+            }
+            None => None,
+        };
+        match objection {
+            Some(reason) => self.caller_notice(from, octets, &reason),
+            None => self.whole_letter(now, from, letter, scheme),
+        }
+        self.publish_changes(now);
+    }
+
+    fn whole_letter(&mut self, now: Now, from: Text, letter: Bytes, via: &'static str) {
+        let octets = letter.len();
+        let dialect = match EnvelopeRepresentation::detect(&letter) {
             Some(EnvelopeRepresentation::BitEfficient) => Dialect::Cpp,
             _ => Dialect::JadeBridge,
         };
-        match read_letter(now, octets, &self.config.limits) {
+        match read_letter(now, letter, &self.config.limits, via) {
             Ok(inbound) => {
                 let letter = Box::new(Returnable::new(&inbound, dialect));
                 let origin = Origin::Caller {
                     from,
-                    octets: size,
+                    octets,
                     letter,
                 };
                 self.take_in(now, origin, inbound, Terms::patient_within(TIMEOUT));
             }
-            Err(reason) => self.caller_notice(from, size, &reason),
+            Err(reason) => self.caller_notice(from, octets, &reason),
         }
     }
 
@@ -270,8 +297,13 @@ fn may_begin_xml(octets: &[u8]) -> bool {
     marked || octets.len() <= MAX_BLANKS && text.trim_ascii().is_empty()
 }
 
-/// Reads a letter that fills its connection.
-fn read_letter(now: Now, octets: Bytes, limits: &Limits) -> Result<Inbound, String> {
+/// Reads a letter that fills its connection, or its message.
+fn read_letter(
+    now: Now,
+    octets: Bytes,
+    limits: &Limits,
+    via: &'static str,
+) -> Result<Inbound, String> {
     let unreadable = |error: &dyn std::fmt::Display| format!("it cannot be read: {error}");
     let (envelope, at) = decode_envelope(&octets, limits).map_err(|e| unreadable(&e))?;
     let payload = octets.slice(at..);
@@ -285,14 +317,14 @@ fn read_letter(now: Now, octets: Bytes, limits: &Limits) -> Result<Inbound, Stri
     }
     let in_bits = EnvelopeRepresentation::detect(&octets);
     if in_bits != Some(EnvelopeRepresentation::BitEfficient) {
-        return inbound(now, envelope, payload, "tcp").map_err(|e| unreadable(&e));
+        return inbound(now, envelope, payload, via).map_err(|e| unreadable(&e));
     }
     Ok(Inbound {
         parts: smallvec![octets],
         envelope,
         payload: at,
         from: None,
-        via: Some("tcp"),
+        via: Some(via),
         patterns: true,
     })
 }

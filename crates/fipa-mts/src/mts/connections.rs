@@ -379,7 +379,8 @@ impl Mts {
     /// Where a partner on this host or on another is told that we are.
     pub(super) fn endpoints_for(&self, same_host: bool) -> Vec<Text> {
         let told = |address: &&Address| same_host || address.is_for_others();
-        let endpoints = self.config.endpoints.iter().filter(told);
+        let endpoints = self.config.endpoints.iter().filter(|own| own.is_link());
+        let endpoints = endpoints.filter(told);
         endpoints.map(Address::to_text).collect()
     }
 

@@ -199,7 +199,8 @@ impl Mts {
     /// Those of some addresses that the partner on a connection may be told.
     fn addresses_for(&self, conn: ConnId, addresses: &[Address]) -> Vec<Text> {
         let same_host = self.conns.get(&conn).is_some_and(|open| open.same_host);
-        let told = addresses.iter().filter(|a| same_host || a.is_for_others());
+        let links = addresses.iter().filter(|address| address.is_link());
+        let told = links.filter(|a| same_host || a.is_for_others());
         told.map(Address::to_text).collect()
     }
 

@@ -206,7 +206,7 @@ impl Mts {
         useful.map(Address::to_text).collect()
     }
 
-    /// What became of a letter that was to be posted.
+    /// What became of a letter that was to be posted, or handed over by a plug-in.
     pub(super) fn post_answered(
         &mut self,
         now: Now,
@@ -221,6 +221,10 @@ impl Mts {
             Ok(()) => {
                 if let Some(sent) = self.deliveries.get_mut(&id) {
                     sent.via = Some(address.to_text());
+                    if let Some(foreign) = &sent.foreign {
+                        let name = foreign.to.name.clone();
+                        self.trust_neighbour(&name);
+                    }
                 }
                 self.finish(now, id, Outcome::Sent, Text::default());
             }

@@ -1,4 +1,5 @@
-//! Letters to services of other makes: each on a connection of its own, whose end ends the letter.
+//! Letters to services of other makes: each on a connection of its own, whose end ends the letter,
+//! or handed whole to a transport that is plugged in.
 //!
 //! ```text
 //!   by receiver, in order        a place in the receiver's order, twice         the next place
@@ -25,7 +26,8 @@ use fipa_link::Outcome;
 
 use super::Mts;
 use super::dialects::{self, Foreign};
-use crate::machine::{ConnId, DialId, Ended, Output, PostId};
+use crate::machine::{ConnId, DialId, Ended, Output, PostId, SentLetter};
+use crate::pieces::joined;
 
 /// Connections to all services of other makes at once. A stalled one keeps its connections until
 /// the deadlines of the letters, so it takes very many of them to keep others waiting.
@@ -50,7 +52,7 @@ pub(super) struct Post {
     queue: VecDeque<u64>,
     dials: HashMap<DialId, Trip>,
     conns: HashMap<ConnId, Trip>,
-    /// Letters that are being posted over HTTP, and where to.
+    /// Letters that are being posted over HTTP or handed to a plug-in, and where to.
     posted: HashMap<PostId, (u64, Address)>,
     /// Dials, posts and connections to each address.
     busy: HashMap<Address, usize>,
@@ -77,7 +79,7 @@ struct Attempt {
     failures: Vec<String>,
     /// What it is being written to.
     conn: Option<ConnId>,
-    /// It is being posted over HTTP.
+    /// It is being posted over HTTP, or handed to a plug-in.
     posted: bool,
 }
 
@@ -270,6 +272,10 @@ impl Mts {
                 Err(format!("{at}: this is the service itself"))
             }
             Ok(address @ Address::Tcp { .. }) => may_leave(address, dialect),
+            Ok(address @ Address::Other { .. }) if self.is_spoken(&address) => {
+                may_leave(address, dialect)
+            }
+            Ok(Address::Other { .. }) => Err(format!("{at}: there is no such transport here")),
             Ok(_) => Err(format!("{at}: it is a socket of another host")),
             Err(error) => Err(format!("{at}: {error}")),
         }
@@ -304,9 +310,10 @@ impl Mts {
         let Some((id, address, dialect)) = next else {
             return false;
         };
-        let set_out = match address.is_http() {
-            true => self.post_over_http(now, id, &address),
-            false => self.dial_with(id, &address, dialect),
+        let set_out = match &address {
+            Address::Http { .. } => self.post_over_http(now, id, &address),
+            Address::Other { .. } => self.send_by_plug_in(now, id, &address, dialect),
+            _ => self.dial_with(id, &address, dialect),
         };
         if let Err(reason) = set_out {
             self.place_refused(now, id, format!("{address}: {reason}"));
@@ -332,6 +339,37 @@ impl Mts {
         Ok(())
     }
 
+    fn send_by_plug_in(
+        &mut self,
+        now: Now,
+        id: u64,
+        address: &Address,
+        dialect: Dialect,
+    ) -> Result<(), String> {
+        let parts = self.written_for(id, address, dialect)?;
+        let deadline = self.deliveries.get(&id).map(|d| d.deadline);
+        let post = PostId(self.id());
+        self.post.set_out_posted(post, id, address.clone());
+        self.outputs.push_back(Output::Send(Box::new(SentLetter {
+            post,
+            address: address.clone(),
+            letter: joined(&parts, 0),
+            timeout: deadline.unwrap_or_default().saturating_sub(now.mono),
+        })));
+        Ok(())
+    }
+
+    /// Whether letters for this address can leave: a transport that is not built in must be plugged
+    /// in.
+    pub(super) fn is_spoken(&self, address: &Address) -> bool {
+        match address {
+            Address::Other { scheme, .. } => {
+                self.config.schemes.iter().any(|s| s.as_str() == scheme)
+            }
+            _ => true,
+        }
+    }
+
     /// It is of no use to try this place again: the next one is tried.
     pub(super) fn place_refused(&mut self, now: Now, id: u64, reason: String) {
         if let Some(attempt) = self.post.attempts.get_mut(&id) {
@@ -353,8 +391,8 @@ impl Mts {
         let foreign = foreign.ok_or("it is not under way any more")?;
         // Nobody on another host is told where only this one reaches us.
         let useful = |own: &&Address| address.is_loopback() || !own.is_loopback();
-        let endpoints = self.config.endpoints.iter().filter(useful);
-        let endpoints = endpoints.map(Address::to_text).collect();
+        let endpoints = self.config.endpoints.iter().filter(|own| own.is_link());
+        let endpoints = endpoints.filter(useful).map(Address::to_text).collect();
         dialects::write(foreign, dialect, endpoints, &self.config.limits)
     }
 

@@ -293,11 +293,11 @@ impl Mts {
     }
 
     /// Where a letter goes first that is to be tried at these addresses in turn: a link is looked for
-    /// at the first one, unless letters are posted there.
+    /// at the first one, unless letters are handed over there one by one.
     pub(super) fn target_at(&mut self, now: Now, addresses: &[Address]) -> Target {
         match addresses.first() {
-            Some(first) if !first.is_http() => {
-                let links = addresses.iter().filter(|address| !address.is_http());
+            Some(first) if first.is_link() => {
+                let links = addresses.iter().filter(|address| address.is_link());
                 Target::Seed(self.seed_for(now, links.cloned().collect()))
             }
             _ => Target::Post,
@@ -313,7 +313,7 @@ impl Mts {
             .filter_map(|url| url.parse().ok())
             .filter(|address| !self.config.endpoints.contains(address))
             .filter(|address| !self.config.http.contains(address))
-            .filter(|address| !(posted && address.is_http()))
+            .filter(|address| !(posted && address.is_http()) && self.is_spoken(address))
             .collect();
         (!addresses.is_empty()).then_some(Route::Addresses(addresses))
     }
