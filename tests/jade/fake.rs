@@ -40,6 +40,8 @@ struct Shared {
     mute: AtomicUsize,
     closed: AtomicBool,
     answers: bool,
+    /// Agents beside the AMS, the DF and `echo`.
+    others: AtomicUsize,
     /// Connections to others that are kept.
     kept: Mutex<HashMap<String, TcpStream>>,
 }
@@ -66,6 +68,7 @@ impl Jade {
             mute: AtomicUsize::new(0),
             closed: AtomicBool::new(false),
             answers,
+            others: AtomicUsize::new(0),
             kept: Mutex::default(),
         });
         let accepting = Arc::clone(&shared);
@@ -97,6 +100,11 @@ impl Jade {
     /// So many of the next requests are read, and their connections closed without an answer.
     pub(crate) fn close_without_answer(&self, requests: usize) {
         self.shared.mute.store(requests, Ordering::SeqCst);
+    }
+
+    /// So many more agents live there, `agent0` and so on.
+    pub(crate) fn has_more_agents(&self, agents: usize) {
+        self.shared.others.store(agents, Ordering::SeqCst);
     }
 
     /// The platform is gone.
@@ -196,13 +204,7 @@ impl Shared {
             );
             answer(Performative::Inform, described, "ams")
         } else if content.contains("ams-agent-description") {
-            let agents = ["ams", "df", "echo"].map(|local| {
-                format!(
-                    "(ams-agent-description :name (agent-identifier :name {local}@{} \
-                     :X-JADE-agent-classname lab.Agent) :ownership NONE :state active)",
-                    self.name
-                )
-            });
+            let agents = self.agents_for(content);
             let found = format!(
                 "((result {} (sequence {})))",
                 action(content),
@@ -217,6 +219,29 @@ impl Shared {
             return;
         };
         self.send(&answer, url);
+    }
+
+    /// The descriptions that a search gets: as many as it names; where it wants all, a hundred.
+    fn agents_for(&self, search: &str) -> Vec<String> {
+        let wanted = search.split(":max-results ").nth(1);
+        let wanted = wanted.map_or(1, |rest| {
+            let end = rest.find(|c: char| c != '-' && !c.is_ascii_digit());
+            rest[..end.unwrap()].parse::<i64>().unwrap()
+        });
+        let others = (0..self.others.load(Ordering::SeqCst)).map(|number| format!("agent{number}"));
+        let all = ["ams", "df", "echo"]
+            .map(str::to_owned)
+            .into_iter()
+            .chain(others);
+        all.take(usize::try_from(wanted).unwrap_or(100))
+            .map(|local| {
+                format!(
+                    "(ams-agent-description :name (agent-identifier :name {local}@{} \
+                     :X-JADE-agent-classname lab.Agent) :ownership NONE :state active)",
+                    self.name
+                )
+            })
+            .collect()
     }
 
     /// One POST a receiver, over a connection that is kept, with one line end behind the body that

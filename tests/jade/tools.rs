@@ -212,6 +212,18 @@ fn the_agents_of_jade_are_listed_and_reached_by_patterns_until_it_is_gone() {
 }
 
 #[test]
+fn a_platform_with_more_agents_than_jade_tells_unasked_is_listed_whole() {
+    let (place, jade) = (Place::new(), Jade::start("platA"));
+    jade.has_more_agents(500);
+    let daemon = place.start_with("robot1", &[&HTTP[..], &["--peer", jade.url()]].concat());
+    daemon.wait_for("agent499@platA");
+    let found = daemon.run(&["agents", "agent.*@platA", "--json"]).json();
+    assert_eq!(found.len(), 500);
+    let listed = daemon.run(&["ams", "list", jade.url(), "--json"]).json();
+    assert_eq!(listed.len(), 503);
+}
+
+#[test]
 fn the_example_asks_an_agent_of_jade() {
     let jade = Jade::start("platA");
     let test = std::env::current_exe().unwrap();

@@ -165,10 +165,11 @@ impl Wanted {
     }
 
     fn constraints(&self, depth: Option<i64>) -> SearchConstraints {
+        let all = SearchConstraints::all();
         SearchConstraints {
             max_depth: depth,
-            max_results: Some(self.max.unwrap_or(-1)),
-            search_id: None,
+            max_results: self.max.or(all.max_results),
+            ..all
         }
     }
 }

@@ -173,7 +173,6 @@ impl Df {
         wanted: usize,
     ) -> SearchConstraints {
         let depth = constraints.max_depth.unwrap_or(0);
-        let is_unlimited = constraints.max_results.is_some_and(|wanted| wanted < 0);
         let search_id = constraints.search_id.unwrap_or_else(|| {
             let id = self.fresh();
             self.served.is_new(now.mono, &id);
@@ -181,10 +180,7 @@ impl Df {
         });
         SearchConstraints {
             max_depth: Some(if depth > 0 { depth - 1 } else { depth }),
-            max_results: match is_unlimited {
-                true => Some(-1),
-                false => i64::try_from(wanted).ok(),
-            },
+            max_results: i64::try_from(wanted).ok(),
             search_id: Some(search_id),
         }
     }

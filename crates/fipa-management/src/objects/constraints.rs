@@ -5,6 +5,10 @@ use super::frame::Frame;
 
 pub(crate) const OBJECT: &str = "search-constraints";
 
+/// More results than there are. JADE gives no more than 100 to whoever asks for all of them by a
+/// number below zero, and as many as are asked for to whoever names a number.
+const ALL: i64 = i32::MAX as i64;
+
 /// How far a search goes (FIPA SC00023K, search-constraints).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SearchConstraints {
@@ -20,7 +24,7 @@ impl SearchConstraints {
     /// A search for all that matches, at the DF that is asked alone.
     pub fn all() -> SearchConstraints {
         SearchConstraints {
-            max_results: Some(-1),
+            max_results: Some(ALL),
             ..SearchConstraints::default()
         }
     }
