@@ -7,5 +7,6 @@ mod agents;
 mod fake;
 mod load;
 mod recordings;
+mod refused;
 mod replay;
 mod tools;
