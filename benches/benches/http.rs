@@ -1,6 +1,10 @@
 //! Conversations over HTTP between the agents of two processes, one by one and many at once, beside
 //! what JADE needs for the same: nothing may be lost, and no size may cost more than its copies.
 //! On a machine with other work the processor's time for each says more than the clock.
+//!
+//! How much longer a content takes than the smallest is told in the times that it takes to copy it
+//! there and back within memory, and beside it for the same octets through a bare socket, below
+//! which nobody can stay.
 
 use std::hint::black_box;
 use std::io::{BufRead, BufReader};
@@ -11,6 +15,8 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use fipa::prelude::*;
 use fipa_benches::table::Times;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
 
 /// Set in the process that answers.
@@ -46,10 +52,11 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// The echo, and the URL under which it is reached.
+/// The echo, the URL under which it is reached, and a bare socket of its process.
 struct Echo {
     process: Child,
     agent: AgentId,
+    socket: String,
 }
 
 impl Echo {
@@ -61,11 +68,15 @@ impl Echo {
             .stdout(Stdio::piped())
             .spawn()
             .expect("a process");
-        let mut url = String::new();
         let output = process.stdout.take().expect("piped");
-        BufReader::new(output).read_line(&mut url).expect("its URL");
-        let agent = AgentId::new("echo@robot2").address(url.trim().to_owned());
-        Echo { process, agent }
+        let mut lines = BufReader::new(output).lines();
+        let mut line = || lines.next().expect("a line").expect("a text");
+        let agent = AgentId::new("echo@robot2").address(line());
+        Echo {
+            agent,
+            socket: line(),
+            process,
+        }
     }
 
     /// The processor's time that both processes have had.
@@ -98,6 +109,13 @@ async fn answer() {
     let platform = platform("robot2").await;
     let echo = Arc::new(platform.agent("echo@robot2").await.expect("an agent"));
     println!("{}", platform.http_urls()[0]);
+    let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+    println!("{}", listener.local_addr().expect("bound"));
+    tokio::spawn(async move {
+        while let Ok((stream, _)) = listener.accept().await {
+            tokio::spawn(answer_octets(stream));
+        }
+    });
     while let Ok(query) = echo.receive().await {
         let mut answer = query.reply(Performative::Inform);
         answer.content = query.content;
@@ -106,12 +124,43 @@ async fn answer() {
     }
 }
 
+/// Sends back what comes, each time once that is whole: its length, and so many octets.
+async fn answer_octets(mut stream: TcpStream) -> std::io::Result<()> {
+    stream.set_nodelay(true)?;
+    loop {
+        let length = stream.read_u32().await?;
+        let mut octets = vec![0; 4 + length as usize];
+        octets[..4].copy_from_slice(&length.to_be_bytes());
+        stream.read_exact(&mut octets[4..]).await?;
+        stream.write_all(&octets).await?;
+    }
+}
+
+/// How long a bare socket takes for so many octets, there and back.
+async fn socket_micros(address: &str, octets: usize) -> f64 {
+    let mut stream = TcpStream::connect(address).await.expect("the echo is up");
+    stream.set_nodelay(true).expect("TCP");
+    let length = u32::try_from(octets).expect("a few");
+    let mut content = vec![b'x'; 4 + octets];
+    content[..4].copy_from_slice(&length.to_be_bytes());
+    let mut times = Vec::with_capacity(COUNT);
+    for _ in 0..COUNT {
+        let start = Instant::now();
+        stream.write_all(&content).await.expect("the echo is up");
+        let read = stream.read_exact(&mut content).await;
+        read.expect("the echo is up");
+        times.push(start.elapsed());
+    }
+    times.iter().sum::<Duration>().as_secs_f64() * 1e6 / COUNT as f64
+}
+
 async fn ask() {
     let platform = platform("robot1").await;
     let agent = Arc::new(platform.agent("ping@robot1").await.expect("an agent"));
     let echo = Echo::start();
     println!(
-        "content  mean us   p50 us   p99 us  CPU us  of JADE's   {WINDOW} at once/s  of JADE's  CPU us  growth/copies"
+        "content  mean us   p50 us   p99 us  CPU us  of JADE's   {WINDOW} at once/s  of JADE's  CPU us  \
+         growth/copies  socket us  its growth/copies"
     );
     let mut smallest = None;
     for octets in CONTENTS {
@@ -119,8 +168,9 @@ async fn ask() {
         // The first ones open connections.
         one_by_one(&agent, &echo.agent, &content, 100).await;
         let (mut means, mut times, mut rates) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut alone, mut together) = (Vec::new(), Vec::new());
+        let (mut alone, mut together, mut bare) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..ROUNDS {
+            bare.push(socket_micros(&echo.socket, octets).await);
             let before = echo.processor_micros();
             let taken = one_by_one(&agent, &echo.agent, &content, COUNT).await;
             let between = echo.processor_micros();
@@ -132,14 +182,17 @@ async fn ask() {
             rates.push(rate);
         }
         let (mean, rate, times) = (median(means), median(rates), Times::new(times));
-        let first = *smallest.get_or_insert(mean);
-        let growth = match octets == CONTENTS[0] {
+        let socket = median(bare);
+        let (first, first_socket) = *smallest.get_or_insert((mean, socket));
+        // Each conversation carries the content twice.
+        let copies = 2.0 * copy_micros(octets);
+        let growth = |by: f64| match octets == CONTENTS[0] {
             true => 0.0,
-            // Each conversation carries the content twice.
-            false => (mean - first) / (2.0 * copy_micros(octets)),
+            false => by / copies,
         };
+        let (growth, its_growth) = (growth(mean - first), growth(socket - first_socket));
         println!(
-            "{octets:7}  {mean:7.1}  {:7.1}  {:7.1}  {:6.1}  {:9.2}  {rate:13.0}  {:9.2}  {:6.1}  {growth:13.1}",
+            "{octets:7}  {mean:7.1}  {:7.1}  {:7.1}  {:6.1}  {:9.2}  {rate:13.0}  {:9.2}  {:6.1}  {growth:13.1}  {socket:9.1}  {its_growth:17.1}",
             times.percentile(0.5),
             times.percentile(0.99),
             median(alone),

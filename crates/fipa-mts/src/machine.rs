@@ -1,4 +1,5 @@
 use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
@@ -165,7 +166,7 @@ pub struct PostedLetter {
     /// The number to answer with.
     pub post: PostId,
     /// Where to.
-    pub address: Address,
+    pub address: Arc<Address>,
     /// The octets of the envelope, in XML.
     pub envelope: Bytes,
     /// The octets of the payload.

@@ -13,15 +13,15 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const JADE: &str = "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nCache-Control: no-cache\r\n\
     Connection: Keep-Alive\r\n\r\n<html><body><h1>200 OK</h1></body></html>\r\n";
 
-async fn listener() -> (TcpListener, HttpLetter) {
+async fn listener() -> (TcpListener, HttpLetter<'static>) {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let letter = HttpLetter {
-        host: "127.0.0.1".to_owned(),
+        host: "127.0.0.1",
         port: listener.local_addr().unwrap().port(),
-        path: "/acc".to_owned(),
-        envelope: Bytes::from_static(b"<envelope/>"),
-        payload: Bytes::from_static(b"(inform)"),
-        payload_type: "application/text".to_owned(),
+        path: "/acc",
+        envelope: b"<envelope/>",
+        payload: b"(inform)",
+        payload_type: "application/text",
     };
     (listener, letter)
 }
@@ -55,7 +55,7 @@ async fn a_request_is_what_jade_reads() {
         stream.write_all(JADE.as_bytes()).await.unwrap();
         (head, body)
     });
-    HttpClient::new().post(&letter, PATIENCE).await.unwrap();
+    HttpClient::new().post(letter, PATIENCE).await.unwrap();
     let (head, body) = server.await.unwrap();
     let lines: Vec<&str> = head.split("\r\n").collect();
     assert_eq!(
@@ -107,7 +107,7 @@ async fn letters_go_over_one_connection_while_each_answer_has_a_body_without_len
     });
     let client = HttpClient::new();
     for _ in 0..20 {
-        client.post(&letter, PATIENCE).await.unwrap();
+        client.post(letter, PATIENCE).await.unwrap();
     }
     server.await.unwrap();
 }
@@ -127,8 +127,8 @@ async fn what_a_kept_connection_did_not_answer_is_posted_again_over_a_new_one() 
         (first.len(), second.len())
     });
     let client = HttpClient::new();
-    client.post(&letter, PATIENCE).await.unwrap();
-    client.post(&letter, PATIENCE).await.unwrap();
+    client.post(letter, PATIENCE).await.unwrap();
+    client.post(letter, PATIENCE).await.unwrap();
     let (first, second) = server.await.unwrap();
     assert_eq!(first, second);
 }
@@ -150,8 +150,8 @@ async fn what_is_left_of_the_answer_before_is_no_answer() {
         stream.write_all(JADE.as_bytes()).await.unwrap();
     });
     let client = HttpClient::new();
-    client.post(&letter, PATIENCE).await.unwrap();
-    client.post(&letter, PATIENCE).await.unwrap();
+    client.post(letter, PATIENCE).await.unwrap();
+    client.post(letter, PATIENCE).await.unwrap();
     server.await.unwrap();
 }
 
@@ -166,8 +166,8 @@ async fn a_connection_that_ended_while_it_was_idle_is_not_used() {
         }
     });
     let client = HttpClient::new();
-    client.post(&letter, PATIENCE).await.unwrap();
-    client.post(&letter, PATIENCE).await.unwrap();
+    client.post(letter, PATIENCE).await.unwrap();
+    client.post(letter, PATIENCE).await.unwrap();
     server.await.unwrap();
 }
 
@@ -181,7 +181,7 @@ async fn answered_with(answer: &'static str) -> Result<(), PostError> {
         let again = tokio::time::timeout(Duration::from_millis(50), listener.accept());
         assert!(again.await.is_err());
     });
-    let result = HttpClient::new().post(&letter, PATIENCE).await;
+    let result = HttpClient::new().post(letter, PATIENCE).await;
     server.await.unwrap();
     result
 }
@@ -231,19 +231,20 @@ async fn only_200_says_that_the_letter_was_taken_over() {
 async fn nobody_is_waited_for_longer_than_told() {
     let (listener, letter) = listener().await;
     let short = Duration::from_millis(100);
-    let result = HttpClient::new().post(&letter, short).await;
+    let result = HttpClient::new().post(letter, short).await;
     assert!(
         matches!(result, Err(PostError::Unanswered(_))),
         "{result:?}"
     );
+    let payload = vec![b'x'; 64 << 20];
     let large = HttpLetter {
-        payload: vec![b'x'; 64 << 20].into(),
-        ..letter.clone()
+        payload: &payload,
+        ..letter
     };
-    let result = HttpClient::new().post(&large, short).await;
+    let result = HttpClient::new().post(large, short).await;
     assert!(matches!(result, Err(PostError::Unreached(_))), "{result:?}");
     drop(listener);
-    let result = HttpClient::new().post(&letter, PATIENCE).await;
+    let result = HttpClient::new().post(letter, PATIENCE).await;
     assert!(matches!(result, Err(PostError::Unreached(_))), "{result:?}");
 }
 
@@ -259,10 +260,7 @@ async fn letters_that_are_posted_at_once_each_have_a_connection() {
         one.write_all(JADE.as_bytes()).await.unwrap();
     });
     let client = HttpClient::new();
-    let (one, two) = tokio::join!(
-        client.post(&letter, PATIENCE),
-        client.post(&letter, PATIENCE)
-    );
+    let (one, two) = tokio::join!(client.post(letter, PATIENCE), client.post(letter, PATIENCE));
     assert_eq!((one, two), (Ok(()), Ok(())));
     server.await.unwrap();
 }

@@ -144,20 +144,24 @@ async fn payloads_keep_every_octet() {
     let client = HttpClient::new();
     let payloads = ["(inform)\r", "(inform)\r\n", "", "\r\n--", "(inform)\n"].map(Bytes::from);
     for payload in &payloads {
-        let letter = letter_to(server.address, payload.clone());
-        client.post(&letter, Duration::from_secs(5)).await.unwrap();
+        let letter = letter_to(server.address, payload);
+        client.post(letter, Duration::from_secs(5)).await.unwrap();
     }
     assert_eq!(server.inbox.payloads(), payloads);
 }
 
-fn letter_to(address: SocketAddr, payload: Bytes) -> HttpLetter {
+fn letter_to(address: SocketAddr, payload: &[u8]) -> HttpLetter<'_> {
     HttpLetter {
-        host: address.ip().to_string(),
+        host: if address.is_ipv6() {
+            "::1"
+        } else {
+            "127.0.0.1"
+        },
         port: address.port(),
-        path: "/acc".to_owned(),
-        envelope: Bytes::from_static(b"<e/>"),
+        path: "/acc",
+        envelope: b"<e/>",
         payload,
-        payload_type: "application/text".to_owned(),
+        payload_type: "application/text",
     }
 }
 
@@ -168,9 +172,9 @@ async fn letters_go_over_ipv6() {
         return;
     }
     let server = serve_at("::1", HttpLimits::default()).await;
-    let letter = letter_to(server.address, "(inform)".into());
+    let letter = letter_to(server.address, b"(inform)");
     HttpClient::new()
-        .post(&letter, Duration::from_secs(5))
+        .post(letter, Duration::from_secs(5))
         .await
         .unwrap();
     assert_eq!(server.inbox.payloads(), ["(inform)"]);

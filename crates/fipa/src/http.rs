@@ -52,19 +52,19 @@ pub(crate) async fn bind(
 
 /// Posts a letter.
 pub(crate) async fn post(client: &HttpClient, letter: &PostedLetter) -> Result<(), PostFailure> {
-    let Address::Http { host, port, path } = &letter.address else {
+    let Address::Http { host, port, path } = &*letter.address else {
         let reason = format!("nothing is posted to {}", letter.address);
         return Err(PostFailure::Unreached(reason));
     };
     let posted = HttpLetter {
-        host: host.clone(),
+        host,
         port: *port,
-        path: path.clone(),
-        envelope: letter.envelope.clone(),
-        payload: letter.payload.clone(),
-        payload_type: letter.payload_type.to_string(),
+        path,
+        envelope: &letter.envelope,
+        payload: &letter.payload,
+        payload_type: &letter.payload_type,
     };
-    let result = client.post(&posted, letter.timeout).await;
+    let result = client.post(posted, letter.timeout).await;
     result.map_err(|error| match error {
         PostError::Unreached(reason) => PostFailure::Unreached(reason),
         PostError::Unanswered(reason) => PostFailure::Unanswered(reason),

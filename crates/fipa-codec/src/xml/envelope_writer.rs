@@ -20,8 +20,17 @@ pub(super) fn write_envelope(
             what: "more than nine layers, of which this peer cannot read the tenth",
         }),
         Layers::All | Layers::OneDigit => write_layers(envelope, options, out),
+        Layers::Flattened if is_flat(envelope) => write_layers(envelope, options, out),
         Layers::Flattened => write_layers(&flattened(envelope, payload), options, out),
     }
+}
+
+/// Whether it would be the same as one layer.
+fn is_flat(Envelope { base, overlays }: &Envelope) -> bool {
+    overlays.is_empty()
+        && base.payload_length.is_some()
+        && !base.intended_receiver.is_empty()
+        && base.user_defined.is_empty()
 }
 
 /// The envelope as one layer. Of the stamps it has the newest one.

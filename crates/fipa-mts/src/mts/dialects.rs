@@ -3,8 +3,8 @@
 use bytes::Bytes;
 use fipa_acl::{AgentId, Envelope, Representation, Slots, Text};
 use fipa_codec::{
-    Dialect, Limits, Output as Encoded, bit_efficient, decode_envelope, decode_payload,
-    encode_envelope_as, encode_message_as, payload_encoding, payload_representation,
+    Dialect, Limits, Output as Encoded, bit_efficient, decode_payload, encode_envelope_as,
+    encode_message_as, payload_encoding, payload_representation,
 };
 use fipa_directory::{Address, MESSAGE_TRANSPORT};
 
@@ -20,9 +20,11 @@ pub(super) struct Foreign {
     pub(super) to: AgentId,
     /// The agent that sends.
     pub(super) from: Text,
+    /// The envelope as it came.
+    pub(super) envelope: Envelope,
     /// Our stamp and the receiver.
     pub(super) overlay: Slots,
-    /// The letter as it came: a bit-efficient envelope, within the first part, and its payload.
+    /// The letter as it came: its bit-efficient envelope, within the first part, and its payload.
     pub(super) parts: Pieces,
     /// Where the payload begins.
     pub(super) payload: usize,
@@ -55,11 +57,10 @@ pub(super) fn write(
     endpoints: Vec<Text>,
     limits: &Limits,
 ) -> Result<Vec<Bytes>, String> {
-    let head = foreign.parts.first().cloned().unwrap_or_default();
-    let (mut envelope, _) = decode_envelope(&head, limits).map_err(|e| e.to_string())?;
     match dialect {
-        Dialect::JadeBridge => for_bridge(foreign, envelope, endpoints, limits),
-        dialect if has_user_defined(&envelope) => {
+        Dialect::JadeBridge => for_bridge(foreign, endpoints, limits),
+        dialect if has_user_defined(&foreign.envelope) => {
+            let mut envelope = foreign.envelope.clone();
             // Passed on as they are, they would make the peer reject the letter.
             envelope.overlays.push(foreign.overlay.clone());
             let (mut head, payload) = (Encoded::new(), foreign.payload());
@@ -85,10 +86,10 @@ fn has_user_defined(envelope: &Envelope) -> bool {
 /// answered: the bridge reads nothing else.
 fn for_bridge(
     foreign: &Foreign,
-    mut envelope: Envelope,
     endpoints: Vec<Text>,
     limits: &Limits,
 ) -> Result<Vec<Bytes>, String> {
+    let mut envelope = foreign.envelope.clone();
     let mut overlay = foreign.overlay.clone();
     let mut payload = foreign.payload();
     let in_strings = payload_representation(&envelope, &payload) == Some(Representation::String);

@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -168,6 +169,7 @@ impl Mts {
     /// Sets under which URLs letters are posted to the service.
     pub fn set_http(&mut self, urls: Vec<Address>) {
         self.config.http = urls;
+        self.post.urls = urls_of(&self.config.http);
     }
 
     /// Posts a letter to a place for which a connection is free, or says why it cannot be written.
@@ -175,21 +177,21 @@ impl Mts {
         &mut self,
         now: Now,
         id: u64,
-        address: &Address,
+        address: &Arc<Address>,
     ) -> Result<(), String> {
-        let Some(delivery) = self.deliveries.get(&id) else {
+        let delivery = self.deliveries.get(&id);
+        let Some((delivery, foreign)) = delivery.and_then(|d| Some((d, d.foreign.as_deref()?)))
+        else {
             return Err("it is not under way any more".to_owned());
         };
-        let foreign = delivery.foreign.as_deref();
-        let foreign = foreign.ok_or("it is not under way any more")?;
-        let own = self.http_urls(address.is_loopback());
+        let own = self.post.urls.for_whom(address.is_loopback());
         let written = jade::write(foreign, address, own, &self.config.limits)?;
         let timeout = delivery.deadline.saturating_sub(now.mono);
         let post = PostId(self.id());
-        self.post.set_out_posted(post, id, address.clone());
+        self.post.set_out_posted(post, id, Arc::clone(address));
         self.outputs.push_back(Output::Post(Box::new(PostedLetter {
             post,
-            address: address.clone(),
+            address: Arc::clone(address),
             envelope: written.envelope,
             payload: written.payload,
             payload_type: written.payload_type,
@@ -201,9 +203,7 @@ impl Mts {
     /// Where answers can be posted by somebody on this host, or by somebody on another one, who is
     /// not told where only this host reaches us.
     pub fn http_urls(&self, same_host: bool) -> Vec<Text> {
-        let urls = self.config.http.iter();
-        let useful = urls.filter(|url| same_host || url.is_for_others());
-        useful.map(Address::to_text).collect()
+        self.post.urls.for_whom(same_host).to_vec()
     }
 
     /// What became of a letter that was to be posted, or handed over by a plug-in.
@@ -240,6 +240,30 @@ impl Mts {
             }
         }
         self.run_post(now);
+    }
+}
+
+/// Under which URLs letters are posted to the service, as they are told to others.
+#[derive(Debug)]
+pub(super) struct Urls {
+    all: Vec<Text>,
+    for_others: Vec<Text>,
+}
+
+impl Urls {
+    fn for_whom(&self, same_host: bool) -> &[Text] {
+        match same_host {
+            true => &self.all,
+            false => &self.for_others,
+        }
+    }
+}
+
+pub(super) fn urls_of(urls: &[Address]) -> Urls {
+    let for_others = urls.iter().filter(|url| url.is_for_others());
+    Urls {
+        all: urls.iter().map(Address::to_text).collect(),
+        for_others: for_others.map(Address::to_text).collect(),
     }
 }
 

@@ -4,8 +4,8 @@
 use bytes::{BufMut, Bytes, BytesMut};
 use fipa_acl::{AgentId, Envelope, Message, Representation, Text};
 use fipa_codec::{
-    Dialect, Limits, Output as Encoded, decode_envelope, decode_payload, encode_envelope_as,
-    encode_message_as, payload_encoding, payload_representation,
+    Dialect, Limits, Output as Encoded, decode_payload, encode_envelope_as, encode_message_as,
+    payload_encoding, payload_representation,
 };
 use fipa_directory::Address;
 
@@ -25,16 +25,15 @@ pub(super) struct Written {
 pub(super) fn write(
     foreign: &Foreign,
     address: &Address,
-    own: Vec<Text>,
+    own: &[Text],
     limits: &Limits,
 ) -> Result<Written, String> {
-    let head = foreign.parts.first().cloned().unwrap_or_default();
-    let (mut envelope, _) = decode_envelope(&head, limits).map_err(|e| e.to_string())?;
+    let envelope = &foreign.envelope;
     let mut payload = foreign.payload();
     let string = Representation::String;
-    let as_it_is = payload_representation(&envelope, &payload).as_ref() == Some(&string);
+    let as_it_is = payload_representation(envelope, &payload).as_ref() == Some(&string);
     if !as_it_is {
-        payload = in_string_form(&envelope, &payload, &own, limits)
+        payload = in_string_form(envelope, &payload, own, limits)
             .map_err(|error| format!("the message cannot be put into string form: {error}"))?;
     }
     // Without it JADE takes everything beyond ASCII for nothing.
@@ -43,17 +42,19 @@ pub(super) fn write(
         given => payload_encoding(&string, &payload, given),
     };
     let payload = without_last_return(payload);
-    let mut overlay = foreign.overlay.clone();
-    overlay.acl_representation = Some(Representation::String);
-    overlay.payload_length = Some(payload.len() as u64);
-    overlay.payload_encoding = encoding.clone();
-    overlay.from = envelope.from().map(|from| reached_at(from, &own));
-    let there = [address.to_text()];
-    overlay.intended_receiver = vec![reached_at(&foreign.to, &there)];
-    envelope.overlays.push(overlay);
+    let mut slots = envelope.flattened();
+    slots.acl_representation = Some(string);
+    slots.payload_length = Some(payload.len() as u64);
+    if encoding.is_some() {
+        slots.payload_encoding.clone_from(&encoding);
+    }
+    slots.from = slots.from.map(|from| reached_at(from, || own.to_vec()));
+    let there = || vec![address.to_text()];
+    slots.intended_receiver = vec![reached_at(foreign.to.clone(), there)];
+    slots.received.clone_from(&foreign.overlay.received);
     let (mut head, jade) = (Encoded::new(), Dialect::Jade);
     let form = jade.envelope_representation();
-    encode_envelope_as(jade, form, &envelope, payload.len(), &mut head)
+    encode_envelope_as(jade, form, &Envelope::new(slots), payload.len(), &mut head)
         .map_err(|error| error.to_string())?;
     let payload_type = match encoding {
         Some(charset) if is_token(&charset) => Text::from(format!(
@@ -69,11 +70,10 @@ pub(super) fn write(
     })
 }
 
-/// An agent that names no address where it could be reached, at these.
-fn reached_at(agent: &AgentId, addresses: &[Text]) -> AgentId {
-    let mut agent = agent.clone();
+/// An agent, at these addresses if it names none where it could be reached.
+fn reached_at(mut agent: AgentId, addresses: impl Fn() -> Vec<Text>) -> AgentId {
     if agent.addresses.is_empty() {
-        agent.addresses = addresses.to_vec();
+        agent.addresses = addresses();
     }
     agent
 }
@@ -85,13 +85,10 @@ fn in_string_form(
     limits: &Limits,
 ) -> Result<Bytes, String> {
     let message = decode_payload(envelope, payload, limits).map_err(|e| e.to_string())?;
+    let ours = |agent| reached_at(agent, || own.to_vec());
     let message = Message {
-        sender: message.sender.map(|sender| reached_at(&sender, own)),
-        reply_to: message
-            .reply_to
-            .iter()
-            .map(|a| reached_at(a, own))
-            .collect(),
+        sender: message.sender.map(ours),
+        reply_to: message.reply_to.into_iter().map(ours).collect(),
         ..message
     };
     let (mut text, form) = (Encoded::new(), Dialect::Jade.message_representation());

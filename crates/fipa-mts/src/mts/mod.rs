@@ -188,7 +188,7 @@ impl Mts {
             neighbours: HashMap::new(),
             left_out: BTreeMap::new(),
             call_backs: CallBacks::default(),
-            post: Post::default(),
+            post: Post::new(&config.http),
             recent: Recent::default(),
             dials: HashMap::new(),
             locals: HashMap::new(),

@@ -17,15 +17,17 @@
 //! broken off, so that its end is not taken for that of the letter.
 
 use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
 
 use bytes::Bytes;
 use fipa_acl::Text;
 use fipa_codec::Dialect;
-use fipa_directory::{Address, Location, MESSAGE_TRANSPORT, Now};
+use fipa_directory::{Address, Location, MESSAGE_TRANSPORT, Now, ParseAddressError};
 use fipa_link::Outcome;
 
-use super::Mts;
 use super::dialects::{self, Foreign};
+use super::http::{Urls, urls_of};
+use super::{Mts, Numbered};
 use crate::machine::{ConnId, DialId, Ended, Output, PostId, SentLetter};
 use crate::pieces::joined;
 
@@ -43,23 +45,27 @@ const MAX_WAITING: usize = 10_000;
 const TRIES: u32 = 2;
 
 /// What is on its way to services of other makes.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Post {
     /// The letters for each receiver; the first one is being tried.
-    boxes: HashMap<Text, Letterbox>,
-    attempts: HashMap<u64, Attempt>,
+    boxes: ByText<Letterbox>,
+    attempts: Numbered<Attempt>,
     /// Attempts that wait for a free connection.
     queue: VecDeque<u64>,
     dials: HashMap<DialId, Trip>,
     conns: HashMap<ConnId, Trip>,
     /// Letters that are being posted over HTTP or handed to a plug-in, and where to.
-    posted: HashMap<PostId, (u64, Address)>,
+    posted: Numbered<(u64, Arc<Address>)>,
     /// Dials, posts and connections to each address.
-    busy: HashMap<Address, usize>,
+    busy: HashMap<Arc<Address>, usize, foldhash::fast::RandomState>,
     /// Receivers whose first letter is to be tried.
     due: VecDeque<Text>,
     running: bool,
+    /// Where answers can be posted.
+    pub(super) urls: Urls,
 }
+
+type ByText<T> = HashMap<Text, T, foldhash::fast::RandomState>;
 
 #[derive(Debug, Default)]
 struct Letterbox {
@@ -71,7 +77,7 @@ struct Letterbox {
 #[derive(Debug, Default)]
 struct Attempt {
     /// Where it has not been tried yet; the first one is being tried.
-    places: VecDeque<(Address, Dialect)>,
+    places: VecDeque<(Arc<Address>, Dialect)>,
     tries: u32,
     /// Whether there is, or was, a place that could be tried.
     possible: bool,
@@ -87,11 +93,27 @@ struct Attempt {
 #[derive(Debug)]
 struct Trip {
     delivery: u64,
-    address: Address,
+    address: Arc<Address>,
     parts: VecDeque<Bytes>,
 }
 
 impl Post {
+    /// Nothing is on its way; answers can be posted at these URLs.
+    pub(super) fn new(urls: &[Address]) -> Post {
+        Post {
+            boxes: HashMap::default(),
+            attempts: Numbered::default(),
+            queue: VecDeque::new(),
+            dials: HashMap::new(),
+            conns: HashMap::new(),
+            posted: Numbered::default(),
+            busy: HashMap::default(),
+            due: VecDeque::new(),
+            running: false,
+            urls: urls_of(urls),
+        }
+    }
+
     pub(super) fn has_dial(&self, dial: DialId) -> bool {
         self.dials.contains_key(&dial)
     }
@@ -105,9 +127,9 @@ impl Post {
     }
 
     /// The first letter that a connection is free for, and where it goes.
-    fn next_to_dial(&mut self) -> Option<(u64, Address, Dialect)> {
+    fn next_to_dial(&mut self) -> Option<(u64, Arc<Address>, Dialect)> {
         let place = |id: &u64| self.attempts.get(id)?.places.front();
-        let is_free = |(address, _): &(Address, Dialect)| {
+        let is_free = |(address, _): &(Arc<Address>, Dialect)| {
             let busy = self.busy.get(address).copied().unwrap_or_default();
             let all = self.dials.len() + self.conns.len() + self.posted.len();
             busy < MAX_AN_ADDRESS && all < MAX_CONNECTIONS
@@ -121,20 +143,20 @@ impl Post {
     }
 
     fn set_out(&mut self, dial: DialId, trip: Trip) {
-        *self.busy.entry(trip.address.clone()).or_default() += 1;
+        *self.busy.entry(Arc::clone(&trip.address)).or_default() += 1;
         if let Some(attempt) = self.attempts.get_mut(&trip.delivery) {
             attempt.possible = true;
         }
         self.dials.insert(dial, trip);
     }
 
-    pub(super) fn set_out_posted(&mut self, post: PostId, delivery: u64, address: Address) {
-        *self.busy.entry(address.clone()).or_default() += 1;
+    pub(super) fn set_out_posted(&mut self, post: PostId, delivery: u64, address: Arc<Address>) {
+        *self.busy.entry(Arc::clone(&address)).or_default() += 1;
         if let Some(attempt) = self.attempts.get_mut(&delivery) {
             attempt.possible = true;
             attempt.posted = true;
         }
-        self.posted.insert(post, (delivery, address));
+        self.posted.insert(post.0, (delivery, address));
     }
 
     /// Where a letter was tried, somebody said "no".
@@ -145,8 +167,8 @@ impl Post {
     }
 
     /// A letter is not being posted any more.
-    pub(super) fn come_back(&mut self, post: PostId) -> Option<(u64, Address)> {
-        let (delivery, address) = self.posted.remove(&post)?;
+    pub(super) fn come_back(&mut self, post: PostId) -> Option<(u64, Arc<Address>)> {
+        let (delivery, address) = self.posted.remove(&post.0)?;
         if let Some(attempt) = self.attempts.get_mut(&delivery) {
             attempt.posted = false;
         }
@@ -227,57 +249,70 @@ impl Mts {
     fn attempt(&self, foreign: &Foreign) -> Attempt {
         let name = &foreign.to.name;
         let mut attempt = Attempt::default();
-        let mut locations = match (&foreign.addresses[..], self.neighbours.get(name)) {
-            ([], Some(neighbour)) => neighbour.entry.locations.clone(),
-            ([], None) => {
-                attempt.possible = true;
-                attempt
-                    .failures
-                    .push(format!("{name} is not announced any more"));
-                Vec::new()
-            }
-            (given, _) => given.iter().map(location).collect(),
+        let note = |place, attempt: &mut Attempt| match place {
+            Ok(place) => attempt.places.push_back(place),
+            Err(reason) => attempt.failures.push(reason),
         };
+        // They are in the order of preference already.
+        for address in &foreign.addresses {
+            let place = self.place(foreign, Ok(address.clone()), MESSAGE_TRANSPORT);
+            note(
+                place.map_err(|why| format!("{address}: {why}")),
+                &mut attempt,
+            );
+        }
+        if !foreign.addresses.is_empty() {
+            return attempt;
+        }
+        let Some(neighbour) = self.neighbours.get(name) else {
+            attempt.possible = true;
+            let reason = format!("{name} is not announced any more");
+            attempt.failures.push(reason);
+            return attempt;
+        };
+        let mut locations = neighbour.entry.locations.clone();
         locations.sort_by_key(|l| preference(&l.address, &foreign.transports));
         // What fipa_services writes ends with a separator, and so with an empty location.
-        for location in locations.iter().filter(|l| !l.address.is_empty()) {
-            match self.place(foreign, location) {
-                Ok(place) => attempt.places.push_back(place),
-                Err(reason) => attempt.failures.push(reason),
-            }
+        for Location { address, signature } in locations.iter().filter(|l| !l.address.is_empty()) {
+            let place = self.place(foreign, address.parse(), signature);
+            note(
+                place.map_err(|why| format!("{address}: {why}")),
+                &mut attempt,
+            );
         }
         attempt
     }
 
-    fn place(&self, foreign: &Foreign, location: &Location) -> Result<(Address, Dialect), String> {
-        let (at, signature) = (&location.address, &location.signature);
-        let may_leave = |address: Address, dialect| {
-            let refusal = self.leave_refusal(&foreign.from, &foreign.to.name, &address);
-            match refusal {
-                Some(reason) => Err(format!("{at}: {reason}")),
-                None => Ok((address, dialect)),
-            }
+    /// An address with the dialect that is spoken there, or why letters do not go there.
+    fn place(
+        &self,
+        foreign: &Foreign,
+        address: Result<Address, ParseAddressError>,
+        signature: &str,
+    ) -> Result<(Arc<Address>, Dialect), String> {
+        let dialect = match &address {
+            Ok(address) if address.is_http() => Dialect::Jade,
+            _ => dialects::of_signature(signature)
+                .ok_or_else(|| format!("{signature:?} is not spoken here"))?,
         };
-        if let Ok(address @ Address::Http { .. }) = at.parse() {
-            return match self.config.http.contains(&address) {
-                true => Err(format!("{at}: this is the service itself")),
-                false => may_leave(address, Dialect::Jade),
-            };
+        let address = address.map_err(|error| error.to_string())?;
+        let ours = match address.is_http() {
+            true => &self.config.http,
+            false => &self.config.endpoints,
+        };
+        if ours.contains(&address) {
+            return Err("this is the service itself".to_owned());
         }
-        let Some(dialect) = dialects::of_signature(signature) else {
-            return Err(format!("{at}: {signature:?} is not spoken here"));
-        };
-        match at.parse() {
-            Ok(address) if self.config.endpoints.contains(&address) => {
-                Err(format!("{at}: this is the service itself"))
+        match &address {
+            Address::Unix(_) => return Err("it is a socket of another host".to_owned()),
+            other if !self.is_spoken(other) => {
+                return Err("there is no such transport here".to_owned());
             }
-            Ok(address @ Address::Tcp { .. }) => may_leave(address, dialect),
-            Ok(address @ Address::Other { .. }) if self.is_spoken(&address) => {
-                may_leave(address, dialect)
-            }
-            Ok(Address::Other { .. }) => Err(format!("{at}: there is no such transport here")),
-            Ok(_) => Err(format!("{at}: it is a socket of another host")),
-            Err(error) => Err(format!("{at}: {error}")),
+            _ => {}
+        }
+        match self.leave_refusal(&foreign.from, &foreign.to.name, &address) {
+            Some(reason) => Err(reason.to_owned()),
+            None => Ok((Arc::new(address), dialect)),
         }
     }
 
@@ -310,7 +345,7 @@ impl Mts {
         let Some((id, address, dialect)) = next else {
             return false;
         };
-        let set_out = match &address {
+        let set_out = match &*address {
             Address::Http { .. } => self.post_over_http(now, id, &address),
             Address::Other { .. } => self.send_by_plug_in(now, id, &address, dialect),
             _ => self.dial_with(id, &address, dialect),
@@ -321,16 +356,21 @@ impl Mts {
         true
     }
 
-    fn dial_with(&mut self, id: u64, address: &Address, dialect: Dialect) -> Result<(), String> {
+    fn dial_with(
+        &mut self,
+        id: u64,
+        address: &Arc<Address>,
+        dialect: Dialect,
+    ) -> Result<(), String> {
         let parts = self.written_for(id, address, dialect)?;
         let trip = Trip {
             delivery: id,
-            address: address.clone(),
+            address: Arc::clone(address),
             parts: parts.into(),
         };
         let dial = DialId(self.id());
         self.post.set_out(dial, trip);
-        let addresses = vec![address.clone()];
+        let addresses = vec![Address::clone(address)];
         self.outputs.push_back(Output::Dial {
             dial,
             addresses,
@@ -343,16 +383,16 @@ impl Mts {
         &mut self,
         now: Now,
         id: u64,
-        address: &Address,
+        address: &Arc<Address>,
         dialect: Dialect,
     ) -> Result<(), String> {
         let parts = self.written_for(id, address, dialect)?;
         let deadline = self.deliveries.get(&id).map(|d| d.deadline);
         let post = PostId(self.id());
-        self.post.set_out_posted(post, id, address.clone());
+        self.post.set_out_posted(post, id, Arc::clone(address));
         self.outputs.push_back(Output::Send(Box::new(SentLetter {
             post,
-            address: address.clone(),
+            address: Address::clone(address),
             letter: joined(&parts, 0),
             timeout: deadline.unwrap_or_default().saturating_sub(now.mono),
         })));
@@ -567,12 +607,4 @@ pub(super) fn preference(address: &str, transports: &[Text]) -> usize {
     preferred
         .position(|transport| transport == scheme)
         .unwrap_or(transports.len())
-}
-
-/// An address of which nothing is known but that letters for the receiver go there.
-fn location(address: &Address) -> Location {
-    Location {
-        address: address.to_text(),
-        signature: Text::from_static(MESSAGE_TRANSPORT),
-    }
 }

@@ -401,6 +401,7 @@ impl Mts {
                     intended_receiver: vec![to.clone()],
                     ..overlay
                 },
+                envelope: inbound.envelope.clone(),
                 to,
                 from: inbound
                     .envelope

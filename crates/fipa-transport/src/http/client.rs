@@ -1,14 +1,13 @@
-use std::collections::HashMap;
-use std::io::{self, IoSlice};
+use std::io::{self, IoSlice, Write};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout_at};
 
-use super::multipart::Multipart;
+use super::multipart::{Boundary, Multipart};
 use super::response::{self, Progress, ResponseHead};
 
 /// How long a connection may take to open.
@@ -24,21 +23,28 @@ const MAX_IDLE: usize = 256;
 /// Octets of the rest of a body that are waited for, so that the connection can be used again.
 const MAX_BODY: u64 = 64 << 10;
 
+/// Octets of a payload that is copied to what stands around it; a larger one is written from where
+/// it is.
+const MAX_COPIED: usize = 16 << 10;
+
+/// Octets of an ordinary answer's head.
+const ANSWER: usize = 512;
+
 /// A letter to be posted.
-#[derive(Clone, Debug)]
-pub struct HttpLetter {
+#[derive(Clone, Copy, Debug)]
+pub struct HttpLetter<'a> {
     /// The name or IP address of the host, without brackets.
-    pub host: String,
+    pub host: &'a str,
     /// Its port.
     pub port: u16,
     /// The path, with its slash.
-    pub path: String,
+    pub path: &'a str,
     /// The envelope in XML.
-    pub envelope: Bytes,
+    pub envelope: &'a [u8],
     /// The payload.
-    pub payload: Bytes,
+    pub payload: &'a [u8],
     /// The media type of the payload.
-    pub payload_type: String,
+    pub payload_type: &'a str,
 }
 
 /// Why a letter was not taken over.
@@ -62,15 +68,32 @@ pub enum PostError {
 }
 
 /// Posts letters, one at a time on each connection, and keeps connections for the next ones.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct HttpClient {
-    idle: Mutex<HashMap<(String, u16), Vec<Idle>>>,
+    /// The connections that are kept, those that were used longest ago first.
+    idle: Mutex<Vec<Idle>>,
+    boundary: Boundary,
 }
 
+impl Default for HttpClient {
+    fn default() -> HttpClient {
+        HttpClient::new()
+    }
+}
+
+/// A connection that may be used again, and where it leads.
 #[derive(Debug)]
 struct Idle {
     stream: TcpStream,
+    host: String,
+    port: u16,
     since: Instant,
+}
+
+impl Idle {
+    fn leads_to(&self, letter: &HttpLetter<'_>) -> bool {
+        self.port == letter.port && self.host == letter.host
+    }
 }
 
 /// How far a request got on a connection.
@@ -84,39 +107,46 @@ enum Failed {
 impl HttpClient {
     /// A client without connections.
     pub fn new() -> HttpClient {
-        HttpClient::default()
+        HttpClient {
+            idle: Mutex::default(),
+            boundary: Boundary::random(&mut fastrand::Rng::new()),
+        }
     }
 
     /// Posts a letter and waits for the answer, no longer than this.
     ///
     /// A connection that was kept and ends without an answer says nothing about the letter: it is
     /// posted again, over a new one. The other side may so have it twice.
-    pub async fn post(&self, letter: &HttpLetter, timeout: Duration) -> Result<(), PostError> {
+    pub async fn post(&self, letter: HttpLetter<'_>, timeout: Duration) -> Result<(), PostError> {
         let deadline = Instant::now() + timeout;
-        let request = Request::of(letter);
-        let place = (letter.host.clone(), letter.port);
-        if let Some(mut stream) = self.take_idle(&place) {
-            match exchange(&mut stream, &request, deadline).await {
+        let request = Request::of(&letter, &self.boundary);
+        if let Some(mut kept) = self.take_idle(&letter) {
+            match exchange(&mut kept.stream, &request, deadline).await {
                 Err(Failed::Unwritten(e) | Failed::Silent(e))
                     if e.kind() != io::ErrorKind::TimedOut =>
                 {
                     // The others are as old.
-                    self.forget(&place);
+                    self.forget(&letter);
                 }
-                result => return self.conclude(place, stream, result),
+                result => return self.conclude(kept, result),
             }
         }
-        let mut stream = connect(letter, deadline)
+        let stream = connect(&letter, deadline)
             .await
             .map_err(|error| PostError::Unreached(error.to_string()))?;
-        let result = exchange(&mut stream, &request, deadline).await;
-        self.conclude(place, stream, result)
+        let mut opened = Idle {
+            stream,
+            host: letter.host.to_owned(),
+            port: letter.port,
+            since: Instant::now(),
+        };
+        let result = exchange(&mut opened.stream, &request, deadline).await;
+        self.conclude(opened, result)
     }
 
     fn conclude(
         &self,
-        place: (String, u16),
-        stream: TcpStream,
+        used: Idle,
         result: Result<(ResponseHead, bool), Failed>,
     ) -> Result<(), PostError> {
         let (head, reusable) = match result {
@@ -130,7 +160,7 @@ impl HttpClient {
             Err(Failed::Broken(reason)) => return Err(PostError::Unanswered(reason)),
         };
         if reusable {
-            self.keep(place, stream);
+            self.keep(used);
         }
         match head.status {
             200 => Ok(()),
@@ -141,78 +171,101 @@ impl HttpClient {
         }
     }
 
-    /// A connection to this place that is still open. What is left of an answer is dropped.
-    fn take_idle(&self, place: &(String, u16)) -> Option<TcpStream> {
+    /// A connection to this place that is still open, that which was used last. What is left of an
+    /// answer is dropped.
+    fn take_idle(&self, letter: &HttpLetter<'_>) -> Option<Idle> {
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        let kept = idle.get_mut(place)?;
-        let mut found = None;
-        while let Some(Idle { stream, since }) = kept.pop() {
-            if since.elapsed() < IDLE && is_open(&stream) {
-                found = Some(stream);
-                break;
+        loop {
+            let found = idle.iter().rposition(|kept| kept.leads_to(letter))?;
+            let kept = idle.remove(found);
+            if kept.since.elapsed() < IDLE && is_open(&kept.stream) {
+                return Some(kept);
             }
         }
-        if kept.is_empty() {
-            idle.remove(place);
-        }
-        found
     }
 
-    fn keep(&self, place: (String, u16), stream: TcpStream) {
+    fn keep(&self, used: Idle) {
+        let since = Instant::now();
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        if idle.values().map(Vec::len).sum::<usize>() >= MAX_IDLE {
-            idle.values_mut()
-                .for_each(|kept| kept.retain(|one| one.since.elapsed() < IDLE));
-            idle.retain(|_, kept| !kept.is_empty());
+        if idle.len() >= MAX_IDLE {
+            idle.retain(|kept| since.duration_since(kept.since) < IDLE);
         }
-        let full = idle.values().map(Vec::len).sum::<usize>() >= MAX_IDLE;
-        let kept = idle.entry(place).or_default();
-        if kept.len() < MAX_IDLE_A_PLACE && !full {
-            let since = Instant::now();
-            kept.push(Idle { stream, since });
+        let same = |kept: &&Idle| kept.port == used.port && kept.host == used.host;
+        if idle.len() < MAX_IDLE && idle.iter().filter(same).count() < MAX_IDLE_A_PLACE {
+            idle.push(Idle { since, ..used });
         }
     }
 
-    fn forget(&self, place: &(String, u16)) {
+    fn forget(&self, letter: &HttpLetter<'_>) {
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        idle.remove(place);
+        idle.retain(|kept| !kept.leads_to(letter));
     }
 }
 
 /// A request, in parts that are written at once.
-struct Request {
-    parts: [Bytes; 6],
+struct Request<'a> {
+    head: Vec<u8>,
+    /// Empty where it stands in the head.
+    payload: &'a [u8],
+    tail: Vec<u8>,
 }
 
-impl Request {
-    fn of(letter: &HttpLetter) -> Request {
-        let mut random = fastrand::Rng::new();
+impl<'a> Request<'a> {
+    fn of(letter: &HttpLetter<'a>, boundary: &Boundary) -> Request<'a> {
         let HttpLetter {
             envelope, payload, ..
-        } = letter;
-        let body = Multipart::new(envelope, payload, &letter.payload_type, &mut random);
-        let host = match letter.host.contains(':') {
-            true => format!("[{}]:{}", letter.host, letter.port),
-            false => format!("{}:{}", letter.host, letter.port),
+        } = *letter;
+        let body = Multipart::new(boundary, envelope, payload, letter.payload_type);
+        let (is_copied, length) = (payload.len() <= MAX_COPIED, body.len());
+        let written = if is_copied {
+            length
+        } else {
+            length - payload.len()
         };
+        let mut head = Vec::with_capacity(HEAD + written);
+        head.extend_from_slice(b"POST http://");
+        write_host(letter, &mut head);
+        head.extend_from_slice(letter.path.as_bytes());
         // These fields in this order, each with one blank: JADE reads no others.
-        let head = format!(
-            "POST http://{host}{} HTTP/1.1\r\n\
-             Cache-Control: no-cache\r\n\
-             Mime-Version: 1.0\r\n\
-             Host: {host}\r\n\
-             Content-Type: multipart/mixed ; boundary=\"{}\"\r\n\
-             Content-Length: {}\r\n\
-             Connection: Keep-Alive\r\n\r\n",
-            letter.path,
-            body.boundary,
-            body.len(),
+        head.extend_from_slice(
+            b" HTTP/1.1\r\nCache-Control: no-cache\r\nMime-Version: 1.0\r\nHost: ",
         );
-        let [a, b, c, d, e] = body.parts;
+        write_host(letter, &mut head);
+        head.extend_from_slice(b"\r\nContent-Type: multipart/mixed ; boundary=\"");
+        head.extend_from_slice(body.boundary.as_str().as_bytes());
+        head.extend_from_slice(b"\"\r\nContent-Length: ");
+        // Writing to memory does not fail.
+        let _ = write!(head, "{length}");
+        head.extend_from_slice(b"\r\nConnection: Keep-Alive\r\n\r\n");
+        body.write_head(&mut head);
+        if is_copied {
+            head.extend_from_slice(payload);
+            body.write_tail(&mut head);
+            return Request {
+                head,
+                payload: &[],
+                tail: Vec::new(),
+            };
+        }
+        let mut tail = Vec::new();
+        body.write_tail(&mut tail);
         Request {
-            parts: [head.into(), a, b, c, d, e],
+            head,
+            payload,
+            tail,
         }
     }
+}
+
+/// Octets of the head of a request, more or less.
+const HEAD: usize = 512;
+
+fn write_host(letter: &HttpLetter<'_>, head: &mut Vec<u8>) {
+    // Writing to memory does not fail.
+    let _ = match letter.host.contains(':') {
+        true => write!(head, "[{}]:{}", letter.host, letter.port),
+        false => write!(head, "{}:{}", letter.host, letter.port),
+    };
 }
 
 /// Whether nothing says that the connection has ended.
@@ -227,10 +280,10 @@ fn is_open(stream: &TcpStream) -> bool {
     }
 }
 
-async fn connect(letter: &HttpLetter, deadline: Instant) -> io::Result<TcpStream> {
+async fn connect(letter: &HttpLetter<'_>, deadline: Instant) -> io::Result<TcpStream> {
     let attempt = async {
         let mut last = io::Error::other("the host name has no address");
-        for address in tokio::net::lookup_host((letter.host.as_str(), letter.port)).await? {
+        for address in tokio::net::lookup_host((letter.host, letter.port)).await? {
             match TcpStream::connect(address).await {
                 Ok(stream) => {
                     stream.set_nodelay(true)?;
@@ -253,11 +306,11 @@ async fn connect(letter: &HttpLetter, deadline: Instant) -> io::Result<TcpStream
 /// Writes a request and reads the head of its answer. Whether the connection can be used again.
 async fn exchange(
     stream: &mut TcpStream,
-    request: &Request,
+    request: &Request<'_>,
     deadline: Instant,
 ) -> Result<(ResponseHead, bool), Failed> {
     let late = |what| io::Error::new(io::ErrorKind::TimedOut, what);
-    timeout_at(deadline, write(stream, &request.parts))
+    timeout_at(deadline, write(stream, request))
         .await
         .unwrap_or_else(|_| Err(late("it did not take the whole letter in time")))
         .map_err(Failed::Unwritten)?;
@@ -270,8 +323,13 @@ async fn exchange(
         })
 }
 
-async fn write(stream: &mut TcpStream, parts: &[Bytes]) -> io::Result<()> {
-    let mut slices: Vec<IoSlice<'_>> = parts.iter().map(|part| IoSlice::new(part)).collect();
+async fn write(stream: &mut TcpStream, request: &Request<'_>) -> io::Result<()> {
+    let Request {
+        head,
+        payload,
+        tail,
+    } = request;
+    let mut slices = [&head[..], payload, tail].map(IoSlice::new);
     let mut rest = &mut slices[..];
     while !rest.is_empty() {
         match stream.write_vectored(rest).await? {
@@ -283,7 +341,7 @@ async fn write(stream: &mut TcpStream, parts: &[Bytes]) -> io::Result<()> {
 }
 
 async fn answer(stream: &mut TcpStream) -> Result<(ResponseHead, bool), Failed> {
-    let mut octets = BytesMut::new();
+    let mut octets = BytesMut::with_capacity(ANSWER);
     loop {
         match response::read(&octets) {
             Progress::More => {}

@@ -1,6 +1,7 @@
 //! The body of a letter's request: envelope and payload as the two parts of a MIME multipart
 //! (RFC 2046 section 5.1).
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use bytes::Bytes;
@@ -53,7 +54,7 @@ pub(super) enum MultipartError {
 
 /// The boundary that a Content-Type names: in quotes or without, in any case, and
 /// `multipart-mixed` as the standard misprints it.
-pub(super) fn boundary_of(content_type: &str) -> Result<String, MultipartError> {
+pub(super) fn boundary_of(content_type: &str) -> Result<Cow<'_, str>, MultipartError> {
     let (kind, parameters) = content_type.split_once(';').unwrap_or((content_type, ""));
     let kind = kind.trim();
     if !kind.eq_ignore_ascii_case("multipart/mixed")
@@ -72,7 +73,7 @@ pub(super) fn boundary_of(content_type: &str) -> Result<String, MultipartError> 
 }
 
 /// The value of a parameter, `;` within quotes and escapes heeded.
-fn parameter(parameters: &str, wanted: &str) -> Option<String> {
+fn parameter<'a>(parameters: &'a str, wanted: &str) -> Option<Cow<'a, str>> {
     let mut rest = parameters;
     loop {
         rest = rest.trim_start_matches([';', ' ', '\t', '\r', '\n']);
@@ -85,30 +86,35 @@ fn parameter(parameters: &str, wanted: &str) -> Option<String> {
     }
 }
 
-fn value_of(text: &str) -> (String, &str) {
+fn value_of(text: &str) -> (Cow<'_, str>, &str) {
     let Some(quoted) = text.strip_prefix('"') else {
         let end = text.find(';').unwrap_or(text.len());
-        return (text[..end].trim_end().to_owned(), &text[end..]);
+        let (value, after) = text.split_at(end);
+        return (value.trim_end().into(), after);
     };
+    if let Some((value, after)) = quoted.split_once('"')
+        && !value.contains('\\')
+    {
+        return (value.into(), after);
+    }
     let mut value = String::new();
-    let mut chars = quoted.char_indices();
-    while let Some((at, c)) = chars.next() {
+    let mut chars = quoted.chars();
+    while let Some(c) = chars.next() {
         match c {
-            '"' => return (value, &quoted[at + 1..]),
-            '\\' => value.extend(chars.next().map(|(_, escaped)| escaped)),
+            '"' => break,
+            '\\' => value.extend(chars.next()),
             c => value.push(c),
         }
     }
-    (value, "")
+    (value.into(), chars.as_str())
 }
 
 /// Envelope and payload as they stand in a body, octet for octet; further parts are ignored.
 ///
 /// Lines may end in a bare line feed. The line end in front of a delimiter belongs to it.
 pub(super) fn read(body: &Bytes, boundary: &str) -> Result<(Bytes, Bytes), MultipartError> {
-    let delimiter = format!("--{boundary}");
     let mut delimiters = Delimiters {
-        finder: Finder::new(delimiter.as_bytes()),
+        boundary: boundary.as_bytes(),
         body,
         at: 0,
     };
@@ -140,8 +146,9 @@ struct Delimiter {
 }
 
 struct Delimiters<'a> {
-    finder: Finder<'a>,
+    boundary: &'a [u8],
     body: &'a [u8],
+    /// The beginning of the line that is looked at next.
     at: usize,
 }
 
@@ -149,52 +156,50 @@ impl Delimiters<'_> {
     fn next(&mut self, what: &'static str) -> Result<Delimiter, MultipartError> {
         let from = self.at;
         loop {
-            let rest = self.body.get(self.at..).unwrap_or_default();
-            let Some(found) = self.finder.find(rest) else {
-                return Err(MultipartError::Truncated { at: from, what });
-            };
-            let begin = self.at + found;
-            self.at = begin + 1;
-            if let Some(delimiter) = self.delimiter(begin) {
-                // The line end of one delimiter may be that in front of the next.
-                self.at = delimiter.end.saturating_sub(1);
+            if let Some(delimiter) = self.delimiter(self.at) {
+                self.at = delimiter.end;
                 return Ok(Delimiter {
+                    // The line end of one delimiter may be that in front of the next.
                     begin: delimiter.begin.max(from),
                     ..delimiter
                 });
             }
+            let rest = self.body.get(self.at..).unwrap_or_default();
+            let Some(line) = memchr::memchr(b'\n', rest) else {
+                return Err(MultipartError::Truncated { at: from, what });
+            };
+            self.at += line + 1;
         }
     }
 
-    /// The delimiter whose dashes stand here, if it fills its line.
-    fn delimiter(&self, dashes: usize) -> Option<Delimiter> {
-        let before = self.body.get(..dashes)?;
-        let begin = match before {
-            [] => 0,
-            [.., b'\r', b'\n'] => dashes - 2,
-            [.., b'\n'] => dashes - 1,
-            _ => return None,
-        };
-        let mut end = dashes + self.finder.needle().len();
-        let mut rest = self.body.get(end..)?;
+    /// The delimiter that the line is which begins here, if it is one.
+    fn delimiter(&self, line: usize) -> Option<Delimiter> {
+        let rest = self.body.get(line..)?.strip_prefix(b"--")?;
+        let mut rest = rest.strip_prefix(self.boundary)?;
         let closes = rest.starts_with(b"--");
         if closes {
-            end += 2;
             rest = rest.get(2..)?;
         }
         let padding = rest
             .iter()
             .take_while(|o| matches!(o, b' ' | b'\t'))
             .count();
-        let line_end = match rest.get(padding..)? {
-            [b'\r', b'\n', ..] => 2,
-            [b'\n', ..] => 1,
+        let behind = match rest.get(padding..)? {
+            [b'\r', b'\n', behind @ ..] | [b'\n', behind @ ..] => behind,
             // Nothing needs to follow the last delimiter, and what does is not read.
-            [] if closes => 0,
+            behind @ [] if closes => behind,
             _ => return None,
         };
-        end += padding + line_end;
-        Some(Delimiter { begin, end, closes })
+        let line_end = match self.body.get(..line)? {
+            [.., b'\r', b'\n'] => 2,
+            [.., b'\n'] => 1,
+            _ => 0,
+        };
+        Some(Delimiter {
+            begin: line - line_end,
+            end: self.body.len() - behind.len(),
+            closes,
+        })
     }
 }
 
@@ -236,48 +241,98 @@ fn check_field(line: &[u8], at: usize) -> Result<(), MultipartError> {
     }
 }
 
-/// A body that holds envelope and payload, with the boundary between them.
+/// What stands between the parts of bodies.
 #[derive(Clone, Debug)]
-pub(super) struct Multipart {
-    /// The boundary, which stands nowhere else in the body.
-    pub(super) boundary: String,
-    /// The octets of the body, in parts that follow each other.
-    pub(super) parts: [Bytes; 5],
+pub(super) struct Boundary {
+    text: String,
+    finder: Finder<'static>,
 }
 
-impl Multipart {
-    /// The body around an envelope in XML and a payload of this media type.
+impl Boundary {
+    /// One that nobody could know before.
+    pub(super) fn random(random: &mut fastrand::Rng) -> Boundary {
+        let text = (0..BOUNDARY).map(|_| digit(random)).collect::<String>();
+        let finder = Finder::new(text.as_bytes()).into_owned();
+        Boundary { text, finder }
+    }
+
+    pub(super) fn as_str(&self) -> &str {
+        &self.text
+    }
+
+    fn is_in(&self, octets: &[u8]) -> bool {
+        self.finder.find(octets).is_some()
+    }
+}
+
+/// A body that holds envelope and payload, with a boundary that stands nowhere else in it.
+#[derive(Clone, Debug)]
+pub(super) struct Multipart<'a> {
+    pub(super) boundary: Cow<'a, Boundary>,
+    envelope: &'a [u8],
+    payload: &'a [u8],
+    payload_type: &'a str,
+}
+
+impl<'a> Multipart<'a> {
+    /// The body around an envelope in XML and a payload of this media type; where they hold the
+    /// boundary, which whoever had a letter before knows, with another one.
     pub(super) fn new(
-        envelope: &Bytes,
-        payload: &Bytes,
-        payload_type: &str,
-        random: &mut fastrand::Rng,
-    ) -> Multipart {
-        let boundary = loop {
-            let boundary: String = (0..BOUNDARY).map(|_| digit(random)).collect();
-            let finder = Finder::new(boundary.as_bytes());
-            if finder.find(envelope).is_none() && finder.find(payload).is_none() {
-                break boundary;
-            }
-        };
-        let head = format!("{PREAMBLE}--{boundary}\r\nContent-Type: application/xml\r\n\r\n");
-        let between = format!("\r\n--{boundary}\r\nContent-Type: {payload_type}\r\n\r\n");
-        let tail = format!("\r\n--{boundary}--\r\n");
+        boundary: &'a Boundary,
+        envelope: &'a [u8],
+        payload: &'a [u8],
+        payload_type: &'a str,
+    ) -> Multipart<'a> {
+        let mut boundary = Cow::Borrowed(boundary);
+        while boundary.is_in(envelope) || boundary.is_in(payload) {
+            boundary = Cow::Owned(Boundary::random(&mut fastrand::Rng::new()));
+        }
         Multipart {
             boundary,
-            parts: [
-                head.into(),
-                envelope.clone(),
-                between.into(),
-                payload.clone(),
-                tail.into(),
-            ],
+            envelope,
+            payload,
+            payload_type,
         }
+    }
+
+    /// What stands in front of the payload, piece by piece.
+    fn head(&self) -> [&[u8]; 10] {
+        let boundary = self.boundary.as_str().as_bytes();
+        [
+            PREAMBLE.as_bytes(),
+            b"--",
+            boundary,
+            b"\r\nContent-Type: application/xml\r\n\r\n",
+            self.envelope,
+            b"\r\n--",
+            boundary,
+            b"\r\nContent-Type: ",
+            self.payload_type.as_bytes(),
+            b"\r\n\r\n",
+        ]
+    }
+
+    /// What stands behind it.
+    fn tail(&self) -> [&[u8]; 3] {
+        [b"\r\n--", self.boundary.as_str().as_bytes(), b"--\r\n"]
     }
 
     /// Octets of the body.
     pub(super) fn len(&self) -> usize {
-        self.parts.iter().map(Bytes::len).sum()
+        let around = self.head().into_iter().chain(self.tail());
+        around.map(<[u8]>::len).sum::<usize>() + self.payload.len()
+    }
+
+    /// Writes what stands in front of the payload.
+    pub(super) fn write_head(&self, out: &mut Vec<u8>) {
+        let pieces = self.head().into_iter();
+        pieces.for_each(|piece| out.extend_from_slice(piece));
+    }
+
+    /// Writes what stands behind it.
+    pub(super) fn write_tail(&self, out: &mut Vec<u8>) {
+        let pieces = self.tail().into_iter();
+        pieces.for_each(|piece| out.extend_from_slice(piece));
     }
 }
 

@@ -3,8 +3,16 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn body_of(multipart: &Multipart) -> Bytes {
-    multipart.parts.concat().into()
+/// A body with the boundary of this seed, and that boundary.
+fn written(envelope: &Bytes, payload: &Bytes, seed: u64) -> (Bytes, String) {
+    let boundary = Boundary::random(&mut fastrand::Rng::with_seed(seed));
+    let multipart = Multipart::new(&boundary, envelope, payload, "application/text");
+    let mut body = Vec::new();
+    multipart.write_head(&mut body);
+    body.extend_from_slice(payload);
+    multipart.write_tail(&mut body);
+    assert_eq!(body.len(), multipart.len());
+    (body.into(), multipart.boundary.as_str().to_owned())
 }
 
 /// Octets among which those are frequent that delimiters consist of.
@@ -25,12 +33,9 @@ proptest! {
     #[test]
     fn what_is_written_is_read_back(envelope in octets(), payload in octets(), seed: u64) {
         let (envelope, payload) = (Bytes::from(envelope), Bytes::from(payload));
-        let mut random = fastrand::Rng::with_seed(seed);
-        let multipart = Multipart::new(&envelope, &payload, "application/text", &mut random);
-        prop_assert_eq!(multipart.boundary.len(), 31);
-        let body = body_of(&multipart);
-        prop_assert_eq!(body.len(), multipart.len());
-        prop_assert_eq!(read(&body, &multipart.boundary), Ok((envelope, payload)));
+        let (body, boundary) = written(&envelope, &payload, seed);
+        prop_assert_eq!(boundary.len(), 31);
+        prop_assert_eq!(read(&body, &boundary), Ok((envelope, payload)));
     }
 
     #[test]
@@ -47,16 +52,22 @@ proptest! {
 #[test]
 fn a_body_without_its_end_is_never_taken_for_a_whole_one() {
     let (envelope, payload) = (Bytes::from("<e/>"), Bytes::from("(inform)\r\n\r"));
-    let multipart = Multipart::new(&envelope, &payload, "t", &mut fastrand::Rng::with_seed(1));
-    let body = body_of(&multipart);
+    let (body, boundary) = written(&envelope, &payload, 1);
     let whole = body.len() - 2;
     for end in 0..whole {
-        assert!(
-            read(&body.slice(..end), &multipart.boundary).is_err(),
-            "{end}"
-        );
+        assert!(read(&body.slice(..end), &boundary).is_err(), "{end}");
     }
-    assert!(read(&body.slice(..whole), &multipart.boundary).is_ok());
+    assert!(read(&body.slice(..whole), &boundary).is_ok());
+}
+
+#[test]
+fn a_letter_that_holds_the_boundary_gets_another_one() {
+    let (envelope, payload) = (Bytes::from("<e/>"), Bytes::from("(inform)"));
+    let (_, boundary) = written(&envelope, &payload, 1);
+    let payload = Bytes::from(format!("(inform)\r\n--{boundary}--\r\n"));
+    let (body, other) = written(&envelope, &payload, 1);
+    assert_ne!(other, boundary);
+    assert_eq!(read(&body, &other), Ok((envelope, payload)));
 }
 
 #[test]

@@ -267,7 +267,8 @@ impl<R: HttpReceiver> Serving<R> {
         earlier: u64,
     ) -> Result<(), Answer> {
         let malformed = |why: &dyn std::fmt::Display| Answer::because(StatusCode::BAD_REQUEST, why);
-        let content_type = request.headers().get(CONTENT_TYPE);
+        let (head, incoming) = request.into_parts();
+        let content_type = head.headers.get(CONTENT_TYPE);
         let content_type = content_type.and_then(|value| value.to_str().ok());
         let boundary =
             multipart::boundary_of(content_type.unwrap_or_default()).map_err(|e| malformed(&e))?;
@@ -275,7 +276,7 @@ impl<R: HttpReceiver> Serving<R> {
             all: &self.octets,
             octets: 0,
         };
-        let body = self.body(request, &mut held).await?;
+        let body = self.body(&head.headers, incoming, &mut held).await?;
         let (envelope, payload) =
             multipart::read(&body, &boundary).map_err(|error| malformed(&error))?;
         let posted = Posted {
@@ -296,7 +297,12 @@ impl<R: HttpReceiver> Serving<R> {
     }
 
     /// Reads a body. What is held of it is no more than what has come.
-    async fn body(&self, request: Request<Incoming>, held: &mut Held<'_>) -> Result<Bytes, Answer> {
+    async fn body(
+        &self,
+        headers: &HeaderMap,
+        mut incoming: Incoming,
+        held: &mut Held<'_>,
+    ) -> Result<Bytes, Answer> {
         let HttpLimits {
             max_body,
             max_bodies,
@@ -306,16 +312,15 @@ impl<R: HttpReceiver> Serving<R> {
             let why = format!("a letter has {max_body} octets at most");
             Answer::because(StatusCode::PAYLOAD_TOO_LARGE, why)
         };
-        let hint = hyper::body::Body::size_hint(request.body());
+        let hint = hyper::body::Body::size_hint(&incoming);
         if hint.lower() > max_body as u64 {
             return Err(too_large());
         }
-        if hint.exact() == Some(0) && !request.headers().contains_key(CONTENT_LENGTH) {
+        if hint.exact() == Some(0) && !headers.contains_key(CONTENT_LENGTH) {
             let why = "the request has neither a Content-Length nor chunks";
             return Err(Answer::because(StatusCode::LENGTH_REQUIRED, why));
         }
         let begun = Instant::now();
-        let mut incoming = request.into_body();
         let mut body = BytesMut::new();
         loop {
             let worth = body.len() as f64 / self.limits.slowest.max(1) as f64;
