@@ -7,9 +7,10 @@ use fipa_acl::Text;
 /// A transport address: where a message transport service listens.
 ///
 /// `tcp://HOST:PORT` (HOST a name, an IPv4 address or an IPv6 address in brackets),
-/// `http://HOST[:PORT][/PATH]` for the message transport protocol over HTTP (FIPA SC00084F),
-/// `unix://PATH` for a socket on this machine, or `SCHEME://HOST:PORT` for a transport that a
-/// program may have plugged in, such as `udt://192.168.1.5:4100`.
+/// `quic://HOST:PORT` for links over QUIC (RFC 9000), `http://HOST[:PORT][/PATH]` for the message
+/// transport protocol over HTTP (FIPA SC00084F), `unix://PATH` for a socket on this machine, or
+/// `SCHEME://HOST:PORT` for a transport that a program may have plugged in, such as
+/// `udt://192.168.1.5:4100`.
 ///
 /// ```
 /// use fipa_directory::Address;
@@ -21,6 +22,13 @@ use fipa_acl::Text;
 pub enum Address {
     /// A TCP endpoint.
     Tcp {
+        /// Name or IP address, without brackets.
+        host: String,
+        /// 0 stands for a free port where one listens.
+        port: u16,
+    },
+    /// A UDP endpoint at which QUIC is spoken.
+    Quic {
         /// Name or IP address, without brackets.
         host: String,
         /// 0 stands for a free port where one listens.
@@ -59,7 +67,9 @@ pub enum ParseAddressError {
     #[error("{0:?} is not HOST:PORT; an address is like tcp://192.168.1.5:4100")]
     Shape(String),
     /// The scheme is none of those that are built in.
-    #[error("{0:?} is no transport of this program; there are tcp://, http:// and unix://")]
+    #[error(
+        "{0:?} is no transport of this program; there are tcp://, quic://, http:// and unix://"
+    )]
     Scheme(String),
 }
 
@@ -67,6 +77,14 @@ impl Address {
     /// A TCP endpoint.
     pub fn tcp(host: impl Into<String>, port: u16) -> Address {
         Address::Tcp {
+            host: host.into(),
+            port,
+        }
+    }
+
+    /// A UDP endpoint at which QUIC is spoken.
+    pub fn quic(host: impl Into<String>, port: u16) -> Address {
+        Address::Quic {
             host: host.into(),
             port,
         }
@@ -88,13 +106,17 @@ impl Address {
 
     /// Whether a link can be opened there; elsewhere letters are handed over one by one.
     pub fn is_link(&self) -> bool {
-        matches!(self, Address::Tcp { .. } | Address::Unix(_))
+        matches!(
+            self,
+            Address::Tcp { .. } | Address::Quic { .. } | Address::Unix(_)
+        )
     }
 
     /// The name or IP address of the host; a Unix socket has none.
     pub fn host(&self) -> Option<&str> {
         match self {
             Address::Tcp { host, .. }
+            | Address::Quic { host, .. }
             | Address::Http { host, .. }
             | Address::Other { host, .. } => Some(host),
             Address::Unix(_) => None,
@@ -138,18 +160,16 @@ impl Address {
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Address::Tcp { host, port } if host.contains(':') => write!(f, "tcp://[{host}]:{port}"),
-            Address::Tcp { host, port } => write!(f, "tcp://{host}:{port}"),
-            Address::Http { host, port, path } if host.contains(':') => {
-                write!(f, "http://[{host}]:{port}{path}")
-            }
-            Address::Http { host, port, path } => write!(f, "http://{host}:{port}{path}"),
-            Address::Unix(path) => write!(f, "unix://{path}"),
-            Address::Other { scheme, host, port } if host.contains(':') => {
-                write!(f, "{scheme}://[{host}]:{port}")
-            }
-            Address::Other { scheme, host, port } => write!(f, "{scheme}://{host}:{port}"),
+        let (scheme, host, port, path) = match self {
+            Address::Tcp { host, port } => ("tcp", host, port, ""),
+            Address::Quic { host, port } => ("quic", host, port, ""),
+            Address::Http { host, port, path } => ("http", host, port, path.as_str()),
+            Address::Other { scheme, host, port } => (scheme.as_str(), host, port, ""),
+            Address::Unix(path) => return write!(f, "unix://{path}"),
+        };
+        match host.contains(':') {
+            true => write!(f, "{scheme}://[{host}]:{port}{path}"),
+            false => write!(f, "{scheme}://{host}:{port}{path}"),
         }
     }
 }
@@ -164,6 +184,10 @@ impl FromStr for Address {
             Some(("unix", "")) => Err(shape()),
             Some(("unix", path)) => Ok(Address::Unix(path.to_owned())),
             Some(("tcp", authority)) => tcp(authority).ok_or_else(shape),
+            Some(("quic", authority)) => match host_and_port(authority) {
+                Some((host, Some(port))) => Ok(Address::quic(host, port)),
+                _ => Err(shape()),
+            },
             Some((scheme, rest)) if scheme.eq_ignore_ascii_case("http") => {
                 http(rest).ok_or_else(shape)
             }

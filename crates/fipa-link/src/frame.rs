@@ -61,6 +61,9 @@ pub enum Frame {
     Platforms(Vec<KnownPlatform>),
     /// What is revoked in the fleet: a list that the fleet key has signed, as it is (X.509 CRL, DER).
     Revoked(Bytes),
+    /// What follows on this stream is not to be taken before so many frames have come on others: on
+    /// a lane, of facts on the main stream; on the main stream, of letters on the lanes.
+    After(u64),
     /// A program asks what there is to know for somebody who looks for a fault.
     AskFacts,
     /// The answer to that.
@@ -220,6 +223,7 @@ impl Frame {
             Frame::GOODBYE => Frame::Goodbye(r.text()?),
             12 => Frame::Platforms(r.list(KnownPlatform::read)?),
             13 => Frame::Revoked(r.octets()?),
+            14 => Frame::After(r.u64()?),
             20 => Frame::AskFacts,
             21 => Frame::Facts(Facts::read(r)?),
             22 => Frame::Sniff(r.u8()? != 0),
@@ -245,6 +249,7 @@ impl Frame {
             Frame::Goodbye(_) => Frame::GOODBYE,
             Frame::Platforms(_) => 12,
             Frame::Revoked(_) => 13,
+            Frame::After(_) => 14,
             Frame::AskFacts => 20,
             Frame::Facts(_) => 21,
             Frame::Sniff(_) => 22,
@@ -285,7 +290,9 @@ impl Frame {
                 put_text(out, &refusal);
             }
             Frame::Directory(directory) => directory.put(out),
-            Frame::Ping(nonce) | Frame::Pong(nonce) => out.put_u64(nonce),
+            Frame::Ping(number) | Frame::Pong(number) | Frame::After(number) => {
+                out.put_u64(number);
+            }
             Frame::Goodbye(reason) => put_text(out, &reason),
             Frame::Revoked(list) => put_octets(out, &list),
             Frame::Platforms(platforms) => put_list(out, &platforms, KnownPlatform::put),
@@ -318,6 +325,7 @@ fn name_of(kind: u8) -> &'static str {
         Frame::GOODBYE => "goodbye",
         12 => "platforms",
         13 => "revoked",
+        14 => "after",
         21 => "facts",
         22 => "sniff",
         Frame::SNIFFED => "sniffed",

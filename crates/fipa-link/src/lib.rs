@@ -30,6 +30,7 @@ mod facts;
 mod frame;
 mod hello;
 mod incoming;
+mod lanes;
 mod link;
 mod outcome;
 mod outgoing;
@@ -48,6 +49,9 @@ pub use parts::Parts;
 pub use platforms::KnownPlatform;
 pub use sniffed::{Inside, Passed, Sniffed};
 pub use wire::FrameError;
+
+/// Streams beside the main one that a link may have for its letters.
+pub const LANES: usize = 3;
 
 /// The octets that open a link; the last is the version of the framing.
 pub const PREAMBLE: [u8; 8] = *b"\x8fFIPA\r\n\x01";

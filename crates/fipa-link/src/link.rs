@@ -6,8 +6,9 @@ use fipa_directory::Now;
 
 use crate::check::{Check, Head};
 use crate::incoming::Incoming;
+use crate::lanes::{Lanes, Reading};
 use crate::outgoing::Outgoing;
-use crate::{Frame, FrameError, Hello, PREAMBLE, ReceiverOutcome, Role};
+use crate::{Frame, FrameError, Hello, LANES, LetterFrame, PREAMBLE, ReceiverOutcome, Role};
 
 /// Octets of a frame beside the letter in it, at most.
 const FRAME_OVERHEAD: usize = 64 << 10;
@@ -29,6 +30,8 @@ pub struct LinkConfig {
     pub heartbeat_busy: Duration,
     /// The pause between heartbeats while none flowed for a minute.
     pub heartbeat_idle: Duration,
+    /// Whether the connection has streams beside the main one, for letters.
+    pub lanes: bool,
 }
 
 impl LinkConfig {
@@ -39,6 +42,7 @@ impl LinkConfig {
             hello_timeout: Duration::from_secs(5),
             heartbeat_busy: Duration::from_secs(2),
             heartbeat_idle: Duration::from_secs(10),
+            lanes: false,
         }
     }
 }
@@ -52,8 +56,8 @@ pub struct Link {
     config: LinkConfig,
     stage: Stage,
     out: Outgoing,
-    /// A large letter of which a part has come.
-    incoming: Option<Incoming>,
+    reading: Reading,
+    lanes: Option<Box<Lanes>>,
     last_heard: Duration,
     last_sent: Duration,
     /// The last heartbeat of ours; before the link is open, when it was made.
@@ -135,7 +139,8 @@ impl Link {
         let mut link = Link {
             stage: Stage::Preamble,
             out: Outgoing::default(),
-            incoming: None,
+            reading: Reading::default(),
+            lanes: config.lanes.then(Box::default),
             last_heard: now.mono,
             last_sent: now.mono,
             last_ping: now.mono,
@@ -155,12 +160,8 @@ impl Link {
         now: Now,
         received: &mut BytesMut,
     ) -> Result<Option<Event>, LinkError> {
-        if !received.is_empty() {
-            self.last_heard = now.mono;
-            self.misses = 0;
-            if std::mem::take(&mut self.silent) {
-                return Ok(Some(Event::Heard));
-            }
+        if self.hears(now, received) {
+            return Ok(Some(Event::Heard));
         }
         if self.stage == Stage::Preamble && !take_preamble(received)? {
             return Ok(None);
@@ -168,12 +169,26 @@ impl Link {
         if self.stage == Stage::Preamble {
             self.stage = Stage::Hello;
         }
-        while let Some(frame) = self.take_frame(now, received)? {
-            if let Some(event) = self.accept(now, frame)? {
-                return Ok(Some(event));
-            }
+        self.take_frames(now, None, received)
+    }
+
+    /// The same for what came on a lane. While [`is_held`](Self::is_held), what is left there is
+    /// taken when more has come on the main stream.
+    pub fn receive_on(
+        &mut self,
+        now: Now,
+        lane: usize,
+        received: &mut BytesMut,
+    ) -> Result<Option<Event>, LinkError> {
+        if self.hears(now, received) {
+            return Ok(Some(Event::Heard));
         }
-        Ok(None)
+        self.take_frames(now, Some(lane), received)
+    }
+
+    /// Whether what comes on a lane waits for what comes on the main stream.
+    pub fn is_held(&self, lane: usize) -> bool {
+        self.waits(Some(lane))
     }
 
     /// Queues a frame.
@@ -182,12 +197,31 @@ impl Link {
             self.last_letter = Some(now.mono);
         }
         self.last_sent = now.mono;
+        if let Some(lanes) = &mut self.lanes
+            && let Some(before) = lanes.sends_on_main(&frame)
+        {
+            self.out.push(before);
+        }
         self.out.push(frame);
     }
 
     fn send_heartbeat(&mut self, now: Now, frame: Frame) {
         self.last_sent = now.mono;
         self.out.push_heartbeat(frame);
+    }
+
+    /// Queues a letter, on this lane if the link has any.
+    pub fn send_letter(&mut self, now: Now, lane: usize, letter: LetterFrame) {
+        let frame = Frame::Letter(letter);
+        let Some(lanes) = self.lanes.as_mut().filter(|_| lane < LANES) else {
+            return self.send(now, frame);
+        };
+        (self.last_letter, self.last_sent) = (Some(now.mono), now.mono);
+        let before = lanes.sends_letter(lane);
+        if let Some(out) = lanes.out.get_mut(lane) {
+            out.checked = self.out.checked;
+            before.into_iter().chain([frame]).for_each(|f| out.push(f));
+        }
     }
 
     /// Queues a [`Frame::Receipt`].
@@ -201,9 +235,22 @@ impl Link {
         self.out.pop()
     }
 
+    /// The next octets to write on a lane.
+    pub fn poll_transmit_on(&mut self, lane: usize) -> Option<Bytes> {
+        self.lanes.as_mut()?.out.get_mut(lane)?.pop()
+    }
+
     /// Octets that wait to be written.
     pub fn queued(&self) -> usize {
-        self.out.octets()
+        let lanes = self.lanes.iter().flat_map(|lanes| &lanes.out);
+        self.out.octets() + lanes.map(Outgoing::octets).sum::<usize>()
+    }
+
+    /// Octets that wait before a letter that would be sent on this lane.
+    pub fn queued_on(&self, lane: usize) -> usize {
+        let lanes = self.lanes.as_ref();
+        let out = lanes.and_then(|lanes| lanes.out.get(lane));
+        out.unwrap_or(&self.out).octets()
     }
 
     /// When the partner was heard last, on the clock of [`Now::mono`].
@@ -266,17 +313,67 @@ impl Link {
         }
     }
 
+    /// Notes that something has come; whether the partner was silent before.
+    fn hears(&mut self, now: Now, received: &BytesMut) -> bool {
+        if received.is_empty() {
+            return false;
+        }
+        self.last_heard = now.mono;
+        self.misses = 0;
+        std::mem::take(&mut self.silent)
+    }
+
+    fn take_frames(
+        &mut self,
+        now: Now,
+        lane: Option<usize>,
+        received: &mut BytesMut,
+    ) -> Result<Option<Event>, LinkError> {
+        while !self.waits(lane)
+            && let Some(frame) = self.take_frame(now, lane, received)?
+        {
+            if let Some(lanes) = &mut self.lanes {
+                lanes.heard(lane, &frame);
+            }
+            if let Some(event) = self.accept(now, lane, frame)? {
+                return Ok(Some(event));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether a stream waits for another.
+    fn waits(&self, lane: Option<usize>) -> bool {
+        let Some(lanes) = &self.lanes else {
+            return false;
+        };
+        let reading = match lane {
+            Some(lane) => lanes.reading.get(lane),
+            None => Some(&self.reading),
+        };
+        reading.is_none_or(|reading| lanes.is_held(lane, reading))
+    }
+
+    fn reading(&mut self, lane: Option<usize>) -> &mut Reading {
+        let lanes = self.lanes.as_mut();
+        let own = lane.and_then(|lane| lanes?.reading.get_mut(lane));
+        own.unwrap_or(&mut self.reading)
+    }
+
     fn take_frame(
         &mut self,
         now: Now,
+        lane: Option<usize>,
         received: &mut BytesMut,
     ) -> Result<Option<Frame>, LinkError> {
-        if let Some(incoming) = &mut self.incoming {
-            self.last_letter = Some(now.mono);
-            return Ok(match incoming.take(received) {
-                true => self.incoming.take().map(Incoming::finish).transpose()?,
+        let reading = self.reading(lane);
+        if let Some(incoming) = &mut reading.incoming {
+            let whole = match incoming.take(received) {
+                true => reading.incoming.take(),
                 false => None,
-            });
+            };
+            self.last_letter = Some(now.mono);
+            return whole.map(Incoming::finish).transpose();
         }
         let Some(head) = Head::read(received)? else {
             return Ok(None);
@@ -304,7 +401,7 @@ impl Link {
             // Its sender keeps the heartbeat of letters; so do we while it is on its way.
             if kind == LETTER && self.stage == Stage::Open {
                 self.last_letter = Some(now.mono);
-                self.incoming = Incoming::begin(&head, octets, received);
+                self.reading(lane).incoming = Incoming::begin(&head, octets, received);
             }
             return Ok(None);
         }
@@ -316,8 +413,20 @@ impl Link {
         Ok(Some(Frame::decode(kind, body)?))
     }
 
-    fn accept(&mut self, now: Now, frame: Frame) -> Result<Option<Event>, LinkError> {
+    fn accept(
+        &mut self,
+        now: Now,
+        lane: Option<usize>,
+        frame: Frame,
+    ) -> Result<Option<Event>, LinkError> {
+        if lane.is_some() && !matches!(frame, Frame::Letter(_) | Frame::After(_)) {
+            return Err(LinkError::Order);
+        }
         match (self.stage, frame) {
+            (_, Frame::After(count)) if lane.is_some() || self.stage == Stage::Open => {
+                self.reading(lane).wait_for(count);
+                Ok(None)
+            }
             (Stage::Hello, Frame::Hello(hello)) => {
                 self.stage = Stage::Open;
                 self.last_ping = now.mono;

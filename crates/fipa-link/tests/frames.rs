@@ -270,6 +270,7 @@ fn any_frame() -> impl Strategy<Value = Frame> {
         1 => hello().prop_map(Frame::Hello),
         1 => any::<u64>().prop_map(Frame::Ping),
         1 => any::<u64>().prop_map(Frame::Pong),
+        1 => any::<u64>().prop_map(Frame::After),
     ]
 }
 

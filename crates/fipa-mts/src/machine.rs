@@ -7,7 +7,7 @@ use fipa_acl::{Letter, Text};
 use fipa_directory::{Address, Change, Directory, InstanceId, MESSAGE_TRANSPORT, Now};
 use fipa_link::{CallBack, CalledBack, Facts, Outcome, ReceiverOutcome, Sniffed};
 
-use crate::StoredLetter;
+use crate::{StoredLetter, Urgency};
 
 /// A connection, numbered by whoever opens the sockets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -36,6 +36,8 @@ pub struct Connected {
     pub remote: Text,
     /// The robot whose certificate the partner has shown.
     pub identity: Option<Text>,
+    /// Whether there are streams beside the main one, for letters of each [`Urgency`].
+    pub lanes: bool,
 }
 
 /// How a stream ended, and how far the writing had got.
@@ -494,6 +496,19 @@ pub trait Machine {
     fn called_back(&mut self, _now: Now, _call: u64, _calls: Vec<CallBack>) {}
     /// Octets arrived; what does not make a whole frame yet is left in the buffer.
     fn received(&mut self, now: Now, conn: ConnId, octets: &mut BytesMut);
+    /// Octets arrived on a lane of a connection that has [lanes](Connected::lanes). Whether more is
+    /// wanted: otherwise what is left, and what is still to come on it, waits until more has come
+    /// on the main stream.
+    fn received_on(
+        &mut self,
+        _now: Now,
+        _conn: ConnId,
+        _lane: Urgency,
+        octets: &mut BytesMut,
+    ) -> bool {
+        octets.clear();
+        true
+    }
     /// The stream ended; what had arrived was handed over before.
     fn closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>);
     /// What became of an [`Output::Post`] or an [`Output::Send`].
@@ -504,6 +519,10 @@ pub trait Machine {
     }
     /// The next octets to write to a connection.
     fn poll_transmit(&mut self, now: Now, conn: ConnId) -> Option<Bytes>;
+    /// The next octets to write on a lane of a connection that has [lanes](Connected::lanes).
+    fn poll_transmit_on(&mut self, _now: Now, _conn: ConnId, _lane: Urgency) -> Option<Bytes> {
+        None
+    }
     /// When [`handle_timeout`](Self::handle_timeout) wants to be called, on [`Now::mono`].
     fn poll_timeout(&self) -> Option<Duration>;
     /// The time has come.

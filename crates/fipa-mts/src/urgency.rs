@@ -15,6 +15,9 @@ impl Urgency {
     /// How many there are.
     pub const COUNT: usize = 3;
 
+    /// All there are, the least urgent first.
+    pub const ALL: [Urgency; Urgency::COUNT] = [Urgency(0), Urgency(1), Urgency(2)];
+
     /// That of an envelope. What is no number counts as 0, what is greater than 2 as 2.
     pub fn of(envelope: &Envelope) -> Urgency {
         let mut given = envelope.layers().flat_map(|slots| &slots.user_defined);

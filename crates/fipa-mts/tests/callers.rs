@@ -341,6 +341,7 @@ fn nothing_is_written_to_a_caller_before_it_speaks_our_link() {
         same_host: false,
         remote: Text::from("tcp://10.0.0.7:50000"),
         identity: None,
+        lanes: false,
     };
     mts.connected(now, connected.clone());
     let mut octets = BytesMut::from(&letter(&["b"], None, "hi")[..]);

@@ -82,6 +82,7 @@ impl World {
             same_host: false,
             remote: Text::from("tcp://10.0.0.7:50000"),
             identity: Some(Text::from(certified)),
+            lanes: false,
         };
         self.mts.connected(NOW, connected);
         self.exchange();

@@ -96,6 +96,7 @@ impl Middle {
                 same_host: false,
                 remote: Text::from_static("tcp://192.0.2.17:40001"),
                 identity: None,
+                lanes: false,
             },
         );
         let said = std::iter::from_fn(|| link.poll_transmit());

@@ -261,6 +261,7 @@ impl Second {
             same_host: true,
             remote: Text::from("tcp://second:1"),
             identity: None,
+            lanes: false,
         };
         raw.mts.connected(raw.now, connected);
         let mut second = Second {

@@ -300,6 +300,7 @@ fn after_the_last_octet(ended: Ended<'_>) -> (Outcome, String, bool) {
                     same_host: false,
                     remote: Text::default(),
                     identity: None,
+                    lanes: false,
                 };
                 mts.connected(now, connected);
             }

@@ -220,13 +220,11 @@ fn refusal(refusal: Text) -> CalledBack {
     }
 }
 
-/// Whether both are TCP ports of one IP address.
+/// Whether both are ports of links at one IP address.
 fn is_same_host(one: &Address, other: &Address) -> bool {
-    match (one, other) {
-        (Address::Tcp { host: one, .. }, Address::Tcp { host: other, .. }) => {
-            let (one, other) = (one.parse::<IpAddr>(), other.parse::<IpAddr>());
-            one.is_ok() && one == other
-        }
-        _ => false,
-    }
+    let ip = |address: &Address| match address {
+        Address::Tcp { host, .. } | Address::Quic { host, .. } => host.parse::<IpAddr>().ok(),
+        Address::Http { .. } | Address::Unix(_) => None,
+    };
+    ip(one).is_some_and(|one| ip(other) == Some(one))
 }

@@ -6,13 +6,14 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use fipa_acl::Text;
 use fipa_directory::{Address, InstanceId, Now};
-use fipa_link::{Event, Frame, Hello, Link, LinkConfig, ReceiverOutcome, Role};
+use fipa_link::{Event, Frame, Hello, LetterFrame, Link, LinkConfig, ReceiverOutcome, Role};
 
 use super::call_backs::Asker;
 use super::dialling::Purpose;
 use super::fleet::{FLEET, NAME};
 use super::sync::Unfinished;
 use super::{Mts, Timer};
+use crate::Urgency;
 use crate::machine::{ConnId, Connected, Notice, Output};
 
 /// The goodbye of a service that ends: its agents are gone with it.
@@ -87,6 +88,8 @@ pub(super) struct FarEnd {
     pub(super) remote: Text,
     /// The robot whose certificate it has shown.
     pub(super) identity: Option<Text>,
+    /// Whether there are streams for letters beside the main one.
+    pub(super) lanes: bool,
 }
 
 /// Who is at the other end.
@@ -115,6 +118,14 @@ impl Conn {
         }
         part
     }
+
+    pub(super) fn poll_transmit_on(&mut self, lane: Urgency) -> Option<Bytes> {
+        let part = self.link.poll_transmit_on(lane.number());
+        if part.is_none() {
+            self.announced = false;
+        }
+        part
+    }
 }
 
 impl Mts {
@@ -124,6 +135,7 @@ impl Mts {
             same_host: connected.same_host,
             remote: connected.remote.clone(),
             identity: connected.identity.clone(),
+            lanes: connected.lanes,
         };
         match connected.dialled.clone() {
             Some((dial, _)) if self.post.has_dial(dial) => self.post_connected(now, conn, dial),
@@ -147,7 +159,11 @@ impl Mts {
         control: bool,
         far: FarEnd,
     ) {
-        let mut config = LinkConfig::new(self.hello(now, far.same_host, control));
+        let mut hello = self.hello(now, far.same_host, control);
+        // What has lanes is QUIC, which lets nothing through that was changed on its way.
+        hello.checks &= !far.lanes;
+        let mut config = LinkConfig::new(hello);
+        config.lanes = far.lanes;
         if let Some((Some(Purpose::Seed(seed)), _)) = dialled
             && self.is_given_with_letter(seed)
         {
@@ -171,6 +187,7 @@ impl Mts {
             same_host,
             remote,
             identity,
+            lanes: _,
         } = far;
         let (purpose, address) = match dialled {
             Some((purpose, address)) => (purpose, Some(address)),
@@ -228,6 +245,37 @@ impl Mts {
         self.announce_transmit(conn);
     }
 
+    /// Reads whatever letters are whole on a lane. Whether more is wanted there.
+    pub(super) fn read_lane(
+        &mut self,
+        now: Now,
+        conn: ConnId,
+        lane: Urgency,
+        octets: &mut BytesMut,
+    ) -> bool {
+        // It is no link yet.
+        if self.callers.contains_key(&conn) {
+            return false;
+        }
+        loop {
+            let Some(open) = self.conns.get_mut(&conn) else {
+                octets.clear();
+                return true;
+            };
+            match open.link.receive_on(now, lane.number(), octets) {
+                Ok(None) => break,
+                Ok(Some(event)) => self.on_event(now, conn, event),
+                Err(error) => {
+                    self.give_up(now, conn, &error.to_string());
+                    return true;
+                }
+            }
+        }
+        self.announce_transmit(conn);
+        let open = self.conns.get(&conn);
+        open.is_none_or(|open| !open.link.is_held(lane.number()))
+    }
+
     pub(super) fn conn_timeout(&mut self, now: Now, conn: ConnId) {
         let Some(open) = self.conns.get_mut(&conn) else {
             return;
@@ -263,6 +311,20 @@ impl Mts {
     pub(super) fn send(&mut self, now: Now, conn: ConnId, frame: Frame) {
         if let Some(open) = self.conns.get_mut(&conn) {
             open.link.send(now, frame);
+            self.was_queued(conn);
+        }
+    }
+
+    /// Queues a letter.
+    pub(super) fn send_letter(
+        &mut self,
+        now: Now,
+        conn: ConnId,
+        urgency: Urgency,
+        letter: LetterFrame,
+    ) {
+        if let Some(open) = self.conns.get_mut(&conn) {
+            open.link.send_letter(now, urgency.number(), letter);
             self.was_queued(conn);
         }
     }

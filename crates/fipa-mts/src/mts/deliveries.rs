@@ -5,7 +5,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use fipa_acl::Text;
 use fipa_directory::{InstanceId, Now};
-use fipa_link::{Frame, LetterFrame, Outcome, Outcomes, ReceiverOutcome};
+use fipa_link::{LetterFrame, Outcome, Outcomes, ReceiverOutcome};
 use smallvec::SmallVec;
 
 use super::Mts;
@@ -443,10 +443,11 @@ impl Mts {
             ttl_millis: ttl_for_next_hop(left),
             parts: delivery.parts.iter().cloned().collect(),
         };
+        let urgency = delivery.urgency;
         if let Some(open) = self.conns.get_mut(&conn) {
             open.outstanding.insert(id);
         }
-        self.send(now, conn, Frame::Letter(frame));
+        self.send_letter(now, conn, urgency, frame);
     }
 
     /// The receipt for a letter that went out on a connection.

@@ -474,7 +474,10 @@ pub(super) fn is_ruled_out(told: &ReceiverOutcome) -> bool {
 
 fn ip_of(address: &Address) -> Option<IpAddr> {
     match address {
-        Address::Tcp { host, .. } | Address::Http { host, .. } | Address::Other { host, .. } => {
+        Address::Tcp { host, .. }
+        | Address::Quic { host, .. }
+        | Address::Http { host, .. }
+        | Address::Other { host, .. } => {
             host.parse().ok()
         }
         Address::Unix(_) => None,

@@ -72,6 +72,7 @@ use self::seeds::Seeds;
 use self::seen::Seen;
 use self::stamps::Stamps;
 use self::tap::Tap;
+use crate::Urgency;
 use crate::machine::{
     ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostFailure, PostId, REPLY_BY,
     RegisterError, Registration, Submission,
@@ -290,6 +291,18 @@ impl Machine for Mts {
         self.publish_changes(now);
     }
 
+    fn received_on(
+        &mut self,
+        now: Now,
+        conn: ConnId,
+        lane: Urgency,
+        octets: &mut BytesMut,
+    ) -> bool {
+        let wanted = self.read_lane(now, conn, lane, octets);
+        self.publish_changes(now);
+        wanted
+    }
+
     fn closed(&mut self, now: Now, conn: ConnId, ended: Ended<'_>) {
         self.doors.leave(conn);
         if self.post.has_conn(conn) {
@@ -307,6 +320,11 @@ impl Machine for Mts {
             Some(open) => open.poll_transmit(),
             None => self.post.poll_transmit(conn),
         }
+    }
+
+    fn poll_transmit_on(&mut self, now: Now, conn: ConnId, lane: Urgency) -> Option<Bytes> {
+        self.refill(now, conn);
+        self.conns.get_mut(&conn)?.poll_transmit_on(lane)
     }
 
     fn posted(&mut self, now: Now, post: PostId, result: Result<(), PostFailure>) {

@@ -20,6 +20,7 @@ use fipa_link::{Frame, Hello, Outcome};
 use super::connections::{Conn, ONLY, Outstanding, Partner};
 use super::dialling::{Dialling, Purpose};
 use super::{Mts, Timer};
+use crate::Urgency;
 use crate::machine::{Announced, ConnId, Notice, Output};
 
 /// Letters that wait for one peer at most.
@@ -149,7 +150,11 @@ impl Mts {
         }
         if let Some(open) = self.conns.get_mut(&conn) {
             let first = peer.known.first();
-            open.via = first.map_or(Text::from_static("tcp://"), Address::to_text);
+            let scheme = match open.remote.starts_with("quic://") {
+                true => Text::from_static("quic://"),
+                false => Text::from_static("tcp://"),
+            };
+            open.via = first.map_or(scheme, Address::to_text);
         }
         peer.links.push(conn);
         let first = peer.links.len() == 1;
@@ -409,7 +414,7 @@ impl Mts {
             return;
         };
         if peer.waiting.is_empty()
-            && let Some(conn) = free_link(&mut self.conns, &peer.links)
+            && let Some(conn) = free_link(&mut self.conns, &peer.links, delivery.urgency)
         {
             self.transmit_delivery(now, conn, id);
             return;
@@ -425,15 +430,19 @@ impl Mts {
         }
         let sender = sender.detached();
         peer.waiting.push(delivery.urgency, sender, id, octets);
+        // On a link with lanes it passes those that wait for room on another.
+        self.flush_waiting(now, instance);
     }
 
     /// Sends what waits for a peer, as far as its link has room.
     pub(super) fn flush_waiting(&mut self, now: Now, instance: InstanceId) {
         while let Some(peer) = self.peers.get_mut(instance) {
-            if peer.waiting.is_empty() {
+            let Some(first) = peer.waiting.first() else {
                 return;
-            }
-            let Some(conn) = free_link(&mut self.conns, &peer.links) else {
+            };
+            let first = self.deliveries.get(&first);
+            let urgency = first.map(|delivery| delivery.urgency).unwrap_or_default();
+            let Some(conn) = free_link(&mut self.conns, &peer.links, urgency) else {
                 return;
             };
             if let Some(id) = peer.waiting.pop() {
@@ -444,8 +453,8 @@ impl Mts {
 
     /// A link whose octets are being written may have room again.
     pub(super) fn refill(&mut self, now: Now, conn: ConnId) {
-        if let Some(open) = self.conns.get(&conn)
-            && open.starved
+        if let Some(open) = self.conns.get_mut(&conn)
+            && std::mem::take(&mut open.starved)
             && let Partner::Daemon { instance, .. } = open.partner
         {
             self.flush_waiting(now, instance);
@@ -455,10 +464,16 @@ impl Mts {
 
 /// The link to write the next letter to. Those that wait are not written before there is room: so
 /// an urgent one passes them, and each sender has its turn.
-fn free_link(conns: &mut BTreeMap<ConnId, Box<Conn>>, links: &[ConnId]) -> Option<ConnId> {
+fn free_link(
+    conns: &mut BTreeMap<ConnId, Box<Conn>>,
+    links: &[ConnId],
+    urgency: Urgency,
+) -> Option<ConnId> {
     let usable = |conn: &&ConnId| conns.get(conn).is_some_and(|open| !open.retired);
     let conn = links.iter().find(usable).copied()?;
     let open = conns.get_mut(&conn)?;
-    open.starved = open.link.queued() >= WINDOW || open.outstanding.len() >= MAX_OUTSTANDING;
-    (!open.starved).then_some(conn)
+    let queued = open.link.queued_on(urgency.number());
+    let full = queued >= WINDOW || open.outstanding.len() >= MAX_OUTSTANDING;
+    open.starved |= full;
+    (!full).then_some(conn)
 }

@@ -308,6 +308,9 @@ impl Mts {
             other if !self.is_spoken(other) => {
                 return Err("there is no such transport here".to_owned());
             }
+            Address::Quic { .. } => {
+                return Err("QUIC is spoken to platforms of our own only".to_owned());
+            }
             _ => {}
         }
         match self.leave_refusal(&foreign.from, &foreign.to.name, &address) {

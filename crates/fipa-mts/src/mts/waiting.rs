@@ -117,6 +117,11 @@ impl Waiting {
         self.letters.insert(turn, Letter { id, sender, octets });
     }
 
+    /// The letter whose turn it is.
+    pub(super) fn first(&self) -> Option<u64> {
+        self.letters.values().next().map(|letter| letter.id)
+    }
+
     /// Takes out the letter whose turn it is.
     pub(super) fn pop(&mut self) -> Option<u64> {
         let (turn, letter) = self.letters.first_key_value()?;

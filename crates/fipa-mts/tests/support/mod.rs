@@ -131,6 +131,7 @@ impl Raw {
             same_host,
             remote: Text::from_static(remote),
             identity: None,
+            lanes: false,
         };
         raw.mts.connected(now, connected);
         raw.exchange();
