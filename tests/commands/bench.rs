@@ -23,7 +23,7 @@ fn each_transport_is_measured_beside_a_bare_socket() {
     assert_eq!(ended.code, Some(0), "{ended:?}");
     let lines = ended.json();
     let transports: Vec<_> = lines.iter().map(|line| &line["transport"]).collect();
-    assert_eq!(transports, ["tcp", "http"]);
+    assert_eq!(transports, ["tcp", "quic", "http"]);
     lines.iter().for_each(holds);
 }
 

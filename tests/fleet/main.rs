@@ -3,6 +3,7 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod over_quic;
 mod place;
 mod readme;
 mod rules;

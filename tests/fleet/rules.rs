@@ -74,13 +74,13 @@ fn a_robot_that_has_a_rule_may_use_a_name_of_another() {
         from: "drive@robot1",
         to: "sink@robot1",
     };
-    let answer = moved.secretly(socket_address(&one), Some(&robot2));
+    let answer = moved.secretly(one.endpoint(), Some(&robot2));
     assert_eq!(answer.receipt.unwrap().0, "delivered");
     let other = Intrusion {
         agent: "arm@robot1",
         ..moved
     };
-    other.secretly(socket_address(&one), Some(&robot2));
+    other.secretly(one.endpoint(), Some(&robot2));
     refused(&mut one, "arm@robot1 is a name of robot1");
 }
 
@@ -115,13 +115,10 @@ fn only_pinned_robots_are_let_in_where_some_are() {
     let mut one = crate::support::daemon::Daemon::start(command);
     let _sink = one.attach("echo", "sink@robot1");
     let honest = Intrusion::honest("robot3", "arm@robot3");
-    assert_eq!(
-        honest.secretly(socket_address(&one), Some(&three)).receipt,
-        None
-    );
+    assert_eq!(honest.secretly(one.endpoint(), Some(&three)).receipt, None);
     refused(&mut one, "the certificate of robot3 is not pinned here");
     let honest = Intrusion::honest("robot2", "arm@robot2");
-    let answer = honest.secretly(socket_address(&one), Some(&two));
+    let answer = honest.secretly(one.endpoint(), Some(&two));
     assert_eq!(answer.receipt.unwrap().0, "delivered");
 }
 

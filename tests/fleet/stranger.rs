@@ -21,6 +21,7 @@ use rustls::{
     ClientConfig, ClientConnection, DigitallySignedStruct, Error, SignatureScheme, StreamOwned,
 };
 
+use crate::over_quic::Called;
 use crate::support::PATIENCE;
 
 /// What passes as a robot's run.
@@ -59,16 +60,22 @@ impl Intrusion {
     }
 
     /// Without a key.
-    pub(crate) fn plainly(&self, address: &str) -> Answer {
+    pub(crate) fn plainly(&self, endpoint: &str) -> Answer {
+        let address = endpoint.strip_prefix("tcp://").unwrap();
         self.over(TcpStream::connect(address).unwrap())
     }
 
-    /// With this certificate and key, or none, over TLS.
-    pub(crate) fn secretly(&self, address: &str, shown: Option<&Membership>) -> Answer {
+    /// With this certificate and key, or none, over TLS or QUIC.
+    pub(crate) fn secretly(&self, endpoint: &str, shown: Option<&Membership>) -> Answer {
+        let (scheme, address) = endpoint.split_once("://").unwrap();
+        if scheme == "quic" {
+            let called = Called::call(address.parse().unwrap(), config(shown));
+            return called.map_or_else(Answer::default, |called| self.over(called));
+        }
         let stream = TcpStream::connect(address).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let name = ServerName::try_from("fleet.invalid").unwrap();
-        let session = ClientConnection::new(config(shown), name).unwrap();
+        let session = ClientConnection::new(Arc::new(config(shown)), name).unwrap();
         self.over(StreamOwned::new(session, stream))
     }
 
@@ -170,7 +177,7 @@ pub(crate) fn letter(from: &str, to: &str) -> Bytes {
     Bytes::from(output.stdout)
 }
 
-fn config(shown: Option<&Membership>) -> Arc<ClientConfig> {
+fn config(shown: Option<&Membership>) -> ClientConfig {
     let provider = default_provider();
     let shown = shown.map(|membership| {
         let key = PrivatePkcs8KeyDer::from(membership.private_key().to_vec());
@@ -187,7 +194,7 @@ fn config(shown: Option<&Membership>) -> Arc<ClientConfig> {
         .with_custom_certificate_verifier(Arc::new(Minding))
         .with_client_cert_resolver(Arc::new(Shown(shown)));
     config.alpn_protocols = vec![b"fipa/1".to_vec()];
-    Arc::new(config)
+    config
 }
 
 /// Takes whoever answers.

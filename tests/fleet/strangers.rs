@@ -26,7 +26,12 @@ struct Home {
 impl Home {
     fn new() -> Home {
         let fleet = Fleet::new();
-        let daemon = fleet.start("robot1", &[]);
+        fleet.join("robot1");
+        let mut command = fleet.fipad("robot1", &[]);
+        for scheme in ["tcp", "quic"] {
+            command.args(["--listen", &format!("{scheme}://127.0.0.1:0")]);
+        }
+        let daemon = Daemon::start(command);
         let sink = daemon.attach_with(&["listen", "--as", "sink@robot1", "--json"]);
         Home {
             fleet,
@@ -37,6 +42,16 @@ impl Home {
 
     fn address(&self) -> &str {
         socket_address(&self.daemon)
+    }
+
+    /// Where it listens: over TCP, and over QUIC.
+    fn endpoints(&self) -> [String; 2] {
+        [0, 1].map(|n| {
+            self.daemon.ready["endpoints"][n]
+                .as_str()
+                .unwrap()
+                .to_owned()
+        })
     }
 
     /// Nothing was delivered, and nobody is known who was not known before.
@@ -50,12 +65,14 @@ impl Home {
 
 #[test]
 fn a_robot_of_the_fleet_is_let_in() {
-    let mut home = Home::new();
-    let robot2 = home.fleet.join("robot2");
-    let honest = Intrusion::honest("robot2", "arm@robot2");
-    let answer = honest.secretly(home.address(), Some(&robot2));
-    assert_eq!(answer.receipt.unwrap().0, "delivered");
-    assert_eq!(home.sink.json()["message"]["content"], "let me in");
+    for over in 0..2 {
+        let mut home = Home::new();
+        let robot2 = home.fleet.join("robot2");
+        let honest = Intrusion::honest("robot2", "arm@robot2");
+        let answer = honest.secretly(&home.endpoints()[over], Some(&robot2));
+        assert_eq!(answer.receipt.unwrap().0, "delivered");
+        assert_eq!(home.sink.json()["message"]["content"], "let me in");
+    }
 }
 
 #[test]
@@ -67,16 +84,19 @@ fn whoever_has_no_good_certificate_is_refused() {
     let late = operator.issue("robot2", 1, now() - DAY * 9).unwrap();
     let early = operator.issue("robot2", 9, now() + DAY * 9).unwrap();
     let honest = Intrusion::honest("robot2", "arm@robot2");
-    for (shown, said) in [
-        (None, "it has no key: it showed no certificate"),
-        (Some(&wrong), "another key made its certificate"),
-        (Some(&late), "the certificate of robot2 expired at"),
-        (Some(&early), "is the clock set?"),
-    ] {
-        let answer = honest.secretly(home.address(), shown);
-        assert_eq!(answer.receipt, None, "{said}");
-        let who = refused(&mut home.daemon, said);
-        assert!(who.starts_with("tcp://127.0.0.1:"), "{who}");
+    for endpoint in home.endpoints() {
+        let (place, _) = endpoint.rsplit_once(':').unwrap();
+        for (shown, said) in [
+            (None, "it has no key: it showed no certificate"),
+            (Some(&wrong), "another key made its certificate"),
+            (Some(&late), "the certificate of robot2 expired at"),
+            (Some(&early), "is the clock set?"),
+        ] {
+            let answer = honest.secretly(&endpoint, shown);
+            assert_eq!(answer.receipt, None, "{said}");
+            let who = refused(&mut home.daemon, said);
+            assert!(who.starts_with(place), "{who}");
+        }
     }
     home.stays_untouched();
 }
@@ -84,7 +104,7 @@ fn whoever_has_no_good_certificate_is_refused() {
 #[test]
 fn whoever_has_no_key_is_refused() {
     let mut home = Home::new();
-    let answer = Intrusion::honest("robot2", "arm@robot2").plainly(home.address());
+    let answer = Intrusion::honest("robot2", "arm@robot2").plainly(home.daemon.endpoint());
     assert_eq!(answer.receipt, None);
     assert_eq!(
         answer.goodbye.unwrap(),
@@ -124,19 +144,36 @@ fn a_daemon_without_a_fleet_is_refused_and_told() {
 fn a_robot_of_another_fleet_is_refused_and_refuses() {
     let mut home = Home::new();
     let others = Fleet::new();
-    others.join("robot2");
-    let _stranger = Daemon::start(others.fipad("robot2", &[&home.daemon]));
-    refused(
-        &mut home.daemon,
-        "does not accept our certificate: it is of another fleet",
-    );
+    for (name, endpoint) in ["robot2", "robot3"].iter().zip(home.endpoints()) {
+        others.join(name);
+        let mut command = others.fipad(name, &[]);
+        command.args(["--peer", &endpoint]);
+        let _stranger = Daemon::start(command);
+        refused(
+            &mut home.daemon,
+            "does not accept our certificate: it is of another fleet",
+        );
+    }
     home.stays_untouched();
 }
 
 #[test]
 fn a_revoked_robot_is_refused_from_then_on() {
+    revoke_a_linked_robot(false);
+}
+
+#[test]
+fn a_revoked_robot_is_refused_from_then_on_over_quic() {
+    revoke_a_linked_robot(true);
+}
+
+fn revoke_a_linked_robot(over_quic: bool) {
     let mut home = Home::new();
-    let robot2 = home.fleet.start("robot2", &[&home.daemon]);
+    home.fleet.join("robot2");
+    let mut command = home.fleet.fipad("robot2", &[]);
+    let [tcp, quic] = home.endpoints();
+    command.args(["--peer", if over_quic { &quic } else { &tcp }]);
+    let robot2 = Daemon::start(command);
     let echo = robot2.attach("echo", "echo@robot2");
     home.daemon.wait_for("echo@robot2");
 
@@ -157,9 +194,11 @@ fn a_revoked_robot_is_refused_from_then_on() {
     let membership = Folder::new(home.fleet.folder("robot2"))
         .membership()
         .unwrap();
-    let answer =
-        Intrusion::honest("robot2", "arm@robot2").secretly(home.address(), Some(&membership));
-    assert_eq!(answer.receipt, None);
+    for endpoint in home.endpoints() {
+        let honest = Intrusion::honest("robot2", "arm@robot2");
+        let answer = honest.secretly(&endpoint, Some(&membership));
+        assert_eq!(answer.receipt, None);
+    }
     home.stays_untouched();
 }
 
@@ -177,8 +216,7 @@ fn robots_tell_each_other_what_is_revoked() {
         .unwrap();
     let folder = Folder::new(home.fleet.folder("robot3"));
     eventually(|| folder.revoked().unwrap().is_some_and(|kept| kept == list));
-    let answer =
-        Intrusion::honest("robot2", "arm@robot2").secretly(socket_address(&three), Some(&two));
+    let answer = Intrusion::honest("robot2", "arm@robot2").secretly(three.endpoint(), Some(&two));
     assert_eq!(answer.receipt, None);
     refused(&mut three, "the certificate of robot2 is revoked");
 }
@@ -242,16 +280,18 @@ fn record(between: &TcpListener, to: &str) -> Vec<u8> {
 fn a_robot_under_another_name_is_refused() {
     let mut home = Home::new();
     let robot2 = home.fleet.join("robot2");
-    let answer = Intrusion::honest("robot3", "arm@robot3").secretly(home.address(), Some(&robot2));
-    assert_eq!(answer.receipt, None);
-    assert_eq!(
-        answer.goodbye.unwrap(),
-        "the name is not that of the certificate"
-    );
-    refused(
-        &mut home.daemon,
-        "it has the certificate of robot2, and calls itself robot3",
-    );
+    for endpoint in home.endpoints() {
+        let answer = Intrusion::honest("robot3", "arm@robot3").secretly(&endpoint, Some(&robot2));
+        assert_eq!(answer.receipt, None);
+        assert_eq!(
+            answer.goodbye.unwrap(),
+            "the name is not that of the certificate"
+        );
+        refused(
+            &mut home.daemon,
+            "it has the certificate of robot2, and calls itself robot3",
+        );
+    }
     home.stays_untouched();
 }
 
@@ -265,14 +305,16 @@ fn a_robot_registers_no_names_of_others_and_sends_in_none() {
         from: "arm@robot1",
         to: "sink@robot1",
     };
-    let answer = thief.secretly(home.address(), Some(&robot2));
-    let (outcome, reason) = answer.receipt.unwrap();
-    assert_eq!(outcome, "refused");
-    assert_eq!(reason, "arm@robot1 is a name of robot1, not of robot2");
-    let who = refused(
-        &mut home.daemon,
-        "drive@robot1 is a name of robot1, not of robot2",
-    );
-    assert_eq!(who, "robot2");
+    for endpoint in home.endpoints() {
+        let answer = thief.secretly(&endpoint, Some(&robot2));
+        let (outcome, reason) = answer.receipt.unwrap();
+        assert_eq!(outcome, "refused");
+        assert_eq!(reason, "arm@robot1 is a name of robot1, not of robot2");
+        let who = refused(
+            &mut home.daemon,
+            "drive@robot1 is a name of robot1, not of robot2",
+        );
+        assert_eq!(who, "robot2");
+    }
     home.stays_untouched();
 }

@@ -8,16 +8,14 @@ use crate::support::process::{Process, run};
 #[test]
 fn who_requires_a_fleet_does_not_listen_beyond_loopback_without_one() {
     let place = Place::new();
-    let mut command = place.fipad("robot1");
-    command.args(["--no-mdns", "--require-fleet", "--listen", "0.0.0.0:0"]);
-    let ended = run(command);
-    assert_eq!(ended.code, Some(3), "{ended:?}");
-    assert!(
-        ended
-            .only_error()
-            .contains("tcp://0.0.0.0:0 is open to everybody"),
-        "{ended:?}"
-    );
+    for endpoint in ["tcp://0.0.0.0:0", "quic://0.0.0.0:0"] {
+        let mut command = place.fipad("robot1");
+        command.args(["--no-mdns", "--require-fleet", "--listen", endpoint]);
+        let ended = run(command);
+        assert_eq!(ended.code, Some(3), "{ended:?}");
+        let said = format!("{endpoint} is open to everybody");
+        assert!(ended.only_error().contains(&said), "{ended:?}");
+    }
 
     let on_loopback = place.start_with("robot2", &["--no-mdns", "--require-fleet"]);
     assert_eq!(on_loopback.ready["event"], "ready");

@@ -86,6 +86,11 @@ impl Namespace {
         self.ip(&format!("addr add {address}/24 dev wire")).unwrap();
     }
 
+    /// Takes an address from the host's end of the wire.
+    pub(crate) fn remove_address(&self, address: &str) {
+        self.ip(&format!("addr del {address}/24 dev wire")).unwrap();
+    }
+
     /// Gives the host an IPv6 address at its end of the wire, to be used at once.
     pub(crate) fn add_address_v6(&self, address: &str) {
         self.ip(&format!("addr add {address}/64 dev wire nodad"))

@@ -37,6 +37,8 @@ pub struct MdnsConfig {
     /// One port is announced: that of the first endpoint that is not on loopback, or else of the
     /// first one. Endpoints with another port are not announced.
     pub endpoints: Vec<SocketAddr>,
+    /// The UDP port at which QUIC is spoken at the same addresses, if it is.
+    pub quic: Option<u16>,
     /// Where mDNS is spoken. Empty means: on loopback only while all endpoints are loopback
     /// addresses, else on loopback and on the interfaces that hold a listening address.
     /// Interfaces that are down or point-to-point are never used.

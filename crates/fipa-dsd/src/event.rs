@@ -37,4 +37,6 @@ pub struct DiscoveredPeer {
     /// link-local IPv6 (with the scope id of the interface it was heard on). Never empty. Some
     /// may be stale, and a link-local address may belong to another interface of that host.
     pub addresses: Vec<SocketAddr>,
+    /// The UDP port at which it speaks QUIC at these addresses, if it does.
+    pub quic: Option<u16>,
 }

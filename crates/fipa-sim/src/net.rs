@@ -172,6 +172,7 @@ impl Sim {
             same_host,
             remote: Text::from(format!("tcp://node-{}:40000", other.0)),
             identity: None,
+            lanes: false,
         };
         self.with(node, |machine, now| machine.connected(now, connected));
         self.arrive(stream, side);

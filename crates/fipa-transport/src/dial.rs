@@ -58,6 +58,28 @@ pub async fn dial_secured(
     .await
 }
 
+/// The same for a link, which is secured where there is a fleet, and may go over QUIC.
+#[cfg(feature = "quic")]
+pub async fn dial_link(
+    addresses: &[Address],
+    quic: &crate::Quic,
+) -> Result<(Stream, Address), DialError> {
+    first_of(addresses, |address| {
+        let quic = quic.clone();
+        async move {
+            if let Address::Quic { host, port } = &address {
+                return connect_by(host, *port, |at| quic.connect(at)).await;
+            }
+            let stream = connect(&address).await?;
+            match quic.tls() {
+                Some(tls) => tls.connect(stream).await,
+                None => Ok(stream),
+            }
+        }
+    })
+    .await
+}
+
 async fn first_of<C>(
     addresses: &[Address],
     connect: impl Fn(Address) -> C,
@@ -95,19 +117,10 @@ async fn connect(address: &Address) -> io::Result<Stream> {
             Address::Http { .. } | Address::Other { .. } => {
                 Err(io::Error::other("letters are posted there, it is no link"))
             }
-            Address::Tcp { host, port } => {
-                let mut last = io::Error::other("the host name has no address");
-                let found: Vec<SocketAddr> = tokio::net::lookup_host((host.as_str(), *port))
-                    .await?
-                    .collect();
-                for address in found {
-                    match tcp::connect(address).await {
-                        Ok(stream) => return Ok(stream),
-                        Err(error) => last = error,
-                    }
-                }
-                Err(last)
-            }
+            Address::Quic { .. } => Err(io::Error::other(
+                "QUIC is for links, and spoken by programs that were built with it",
+            )),
+            Address::Tcp { host, port } => connect_by(host, *port, tcp::connect).await,
         }
     };
     match tokio::time::timeout(PATIENCE, attempt).await {
@@ -117,4 +130,24 @@ async fn connect(address: &Address) -> io::Result<Stream> {
             "no answer within 3 s",
         )),
     }
+}
+
+/// Connects to the first address of a host that answers.
+async fn connect_by<C>(
+    host: &str,
+    port: u16,
+    connect: impl Fn(SocketAddr) -> C,
+) -> io::Result<Stream>
+where
+    C: Future<Output = io::Result<Stream>>,
+{
+    let mut last = io::Error::other("the host name has no address");
+    let found: Vec<SocketAddr> = tokio::net::lookup_host((host, port)).await?.collect();
+    for address in found {
+        match connect(address).await {
+            Ok(stream) => return Ok(stream),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
 }

@@ -5,7 +5,8 @@
 //! and gives what is to be written.
 //!
 //! With the feature `tls`, TCP streams between robots of a fleet are secured: each shows its
-//! certificate, and a [`Stream`] says by [`identity`](Stream::identity) whose it is.
+//! certificate, and a [`Stream`] says by [`identity`](Stream::identity) whose it is. With the feature
+//! `quic` they may be linked over QUIC as well.
 
 mod buffers;
 mod dial;
@@ -14,6 +15,8 @@ mod handle;
 pub mod http;
 mod listen;
 mod pump;
+#[cfg(feature = "quic")]
+mod quic;
 #[cfg(feature = "raw")]
 pub mod raw;
 mod stream;
@@ -23,12 +26,16 @@ mod tls;
 mod unix;
 
 pub use buffers::Buffers;
+#[cfg(feature = "quic")]
+pub use dial::dial_link;
 #[cfg(feature = "tls")]
 pub use dial::dial_secured;
 pub use dial::{DialError, dial};
 pub use handle::Handle;
 pub use listen::{BindError, Listener};
-pub use pump::{Driver, End, pump};
+pub use pump::{Driver, End, LANES, pump};
+#[cfg(feature = "quic")]
+pub use quic::Quic;
 pub use stream::Stream;
 #[cfg(feature = "tls")]
 pub use tls::{FirstOctet, KeyError, Tls};

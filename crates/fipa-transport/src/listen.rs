@@ -18,6 +18,8 @@ pub struct Listener {
 enum Socket {
     Tcp(tokio::net::TcpListener),
     Unix(tokio::net::UnixListener, PathBuf),
+    #[cfg(feature = "quic")]
+    Quic(Box<crate::quic::Server>),
 }
 
 /// An endpoint cannot be bound.
@@ -46,6 +48,10 @@ impl Listener {
                 let address = Address::tcp(bound.ip().to_string(), bound.port());
                 (Socket::Tcp(listener), address)
             }
+            Address::Quic { .. } => {
+                let reason = "this endpoint needs keys for QUIC, or a program that speaks it";
+                return Err(failed(io::Error::other(reason)));
+            }
             Address::Http { .. } => {
                 let reason = "letters over HTTP are taken by a server of their own";
                 return Err(failed(io::Error::other(reason)));
@@ -62,6 +68,29 @@ impl Listener {
         Ok(Listener { socket, address })
     }
 
+    /// The same, where QUIC is spoken as well. What [`accept`](Self::accept) gives there is still
+    /// to be [settled](Stream::settle).
+    #[cfg(feature = "quic")]
+    pub async fn bind_link(address: &Address, quic: &crate::Quic) -> Result<Listener, BindError> {
+        let Address::Quic { host, port } = address else {
+            return Listener::bind(address).await;
+        };
+        let bind = async {
+            let wanted = resolve(host, *port).await?;
+            let server = crate::quic::Server::bind(quic, wanted)?;
+            let bound = server.address()?;
+            io::Result::Ok((server, bound))
+        };
+        let (server, bound) = bind.await.map_err(|source| BindError {
+            address: address.clone(),
+            source,
+        })?;
+        Ok(Listener {
+            socket: Socket::Quic(Box::new(server)),
+            address: Address::quic(bound.ip().to_string(), bound.port()),
+        })
+    }
+
     /// Where it is bound, with the port that it got.
     pub fn address(&self) -> &Address {
         &self.address
@@ -72,6 +101,8 @@ impl Listener {
         match &self.socket {
             Socket::Tcp(listener) => tcp::stream(listener.accept().await?.0),
             Socket::Unix(listener, _) => unix::stream(listener.accept().await?.0),
+            #[cfg(feature = "quic")]
+            Socket::Quic(server) => server.accept().await,
         }
     }
 }

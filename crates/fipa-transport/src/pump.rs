@@ -12,6 +12,7 @@ use tokio::time::Sleep;
 
 use crate::buffers::ROOM;
 use crate::handle::Wish;
+use crate::stream::{Kind, Plain};
 use crate::{Buffers, Handle, Stream};
 
 /// What moves through a connection, and what becomes of it.
@@ -23,7 +24,23 @@ pub trait Driver: Send + Sync + 'static {
     /// The connection has ended; nothing follows. `all_written`: the system took everything that
     /// waited to be written.
     fn closed(&self, end: &End, all_written: bool);
+    /// Octets were read on a lane, where the connection has any; what cannot be used yet is left
+    /// in the buffer. Whether more is wanted on it: otherwise nothing is read of it until it was
+    /// offered again, after something else has come.
+    fn received_on(&self, lane: usize, octets: &mut BytesMut) -> bool {
+        let _ = lane;
+        octets.clear();
+        true
+    }
+    /// The next octets to write on a lane, and whether there may be more after these.
+    fn transmit_on(&self, lane: usize, parts: &mut VecDeque<Bytes>) -> bool {
+        let _ = (lane, parts);
+        false
+    }
 }
+
+/// Streams that a connection may have beside its main one, the last the most urgent.
+pub const LANES: usize = 3;
 
 /// How a connection ended.
 #[derive(Debug)]
@@ -47,11 +64,11 @@ impl fmt::Display for End {
 }
 
 /// How long a partner that takes nothing is waited for once the connection is to close.
-const LINGER: Duration = Duration::from_secs(1);
+pub(crate) const LINGER: Duration = Duration::from_secs(1);
 
 /// Octets that wait for the rest of what they belong to, from which on it counts as large. Fewer
 /// are copied to where the rest is read, and leave room there.
-const LARGE: usize = ROOM / 2;
+pub(crate) const LARGE: usize = ROOM / 2;
 
 /// Parts that are written at once.
 const PARTS: usize = 256;
@@ -63,24 +80,42 @@ const IDLE_PARTS: usize = 32;
 ///
 /// In one turn a connection reads once, at most a buffer full, and writes what its driver gives at
 /// once; then the others have theirs.
-pub async fn pump(
-    mut stream: Stream,
+pub async fn pump(stream: Stream, handle: Arc<Handle>, buffers: Arc<Buffers>, driver: impl Driver) {
+    match stream.0 {
+        Kind::Plain(stream) => pump_plain(stream, handle, buffers, driver).await,
+        #[cfg(feature = "quic")]
+        Kind::Quic(link) => crate::quic::pump(*link, handle, buffers, driver).await,
+        #[cfg(feature = "quic")]
+        Kind::Calling(_) => {
+            let error = io::Error::other("the caller has not shown who it is");
+            driver.closed(&End::Broken(error), false);
+        }
+    }
+}
+
+async fn pump_plain(
+    mut stream: Plain,
     handle: Arc<Handle>,
     buffers: Arc<Buffers>,
     driver: impl Driver,
 ) {
     let mut output = Outgoing::default();
     let result = run(&mut stream, &handle, &buffers, &driver, &mut output).await;
+    finish(result, output.all_written, &driver);
+}
+
+/// Tells how a connection ended.
+pub(crate) fn finish(result: io::Result<()>, all_written: bool, driver: &impl Driver) {
     let end = match result {
         Ok(()) => End::Ours,
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => End::Theirs,
         Err(error) => End::Broken(error),
     };
-    driver.closed(&end, output.all_written);
+    driver.closed(&end, all_written);
 }
 
 async fn run(
-    stream: &mut Stream,
+    stream: &mut Plain,
     handle: &Handle,
     buffers: &Buffers,
     driver: &impl Driver,
@@ -134,7 +169,7 @@ enum Turn {
 
 fn poll_turn(
     cx: &mut Context<'_>,
-    stream: &mut Stream,
+    stream: &mut Plain,
     handle: &Handle,
     blocked: bool,
     linger: &mut Option<Pin<Box<Sleep>>>,
@@ -157,7 +192,7 @@ fn poll_turn(
 /// Reads once. Whether there may be more to read at once.
 fn read(
     cx: &mut Context<'_>,
-    stream: &mut Stream,
+    stream: &mut Plain,
     buffers: &Buffers,
     rest: &mut BytesMut,
     driver: &impl Driver,
@@ -179,7 +214,7 @@ fn read(
 /// Reads on where something large is: its buffer grows with what arrived.
 fn read_on(
     cx: &mut Context<'_>,
-    stream: &mut Stream,
+    stream: &mut Plain,
     rest: &mut BytesMut,
     driver: &impl Driver,
 ) -> io::Result<bool> {
@@ -203,7 +238,7 @@ fn filled(read: Poll<io::Result<bool>>) -> io::Result<bool> {
 }
 
 /// Copies what is left over: a connection that waits holds no more than what arrived.
-fn keep(rest: &mut BytesMut, left: &[u8]) {
+pub(crate) fn keep(rest: &mut BytesMut, left: &[u8]) {
     if left.is_empty() {
         *rest = BytesMut::new();
     } else {
@@ -232,7 +267,7 @@ enum Sent {
 
 impl Outgoing {
     /// Writes as much as the socket takes of what the driver gives at once.
-    fn send(&mut self, stream: &mut Stream, driver: &impl Driver) -> io::Result<Sent> {
+    fn send(&mut self, stream: &mut Plain, driver: &impl Driver) -> io::Result<Sent> {
         let more = driver.transmit(&mut self.parts);
         self.all_written = false;
         let blocked = write(stream, &mut self.parts)?;
@@ -246,7 +281,7 @@ impl Outgoing {
 }
 
 /// Whether the socket takes no more for now.
-fn write(stream: &mut Stream, output: &mut VecDeque<Bytes>) -> io::Result<bool> {
+fn write(stream: &mut Plain, output: &mut VecDeque<Bytes>) -> io::Result<bool> {
     while !output.is_empty() {
         let mut parts = [IoSlice::new(&[]); PARTS];
         let mut count = 0;

@@ -1,4 +1,5 @@
-//! Bare TCP sockets: what a network gives with nothing of ours in between, to measure beside it.
+//! Bare TCP sockets, and connections of QUIC with one stream: what a network gives with nothing of
+//! ours in between, to measure beside it.
 //!
 //! ```text
 //!   e  [length][octets] ─▶   ◀─ the same         a round trip
@@ -8,16 +9,22 @@
 //!
 //! The first octet of a connection chooses. Lengths are four octets, the greatest first.
 
+#[cfg(feature = "quic")]
+mod quic;
+
+use std::fmt;
 use std::io;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use bytes::Bytes;
-use tokio::io::{AsyncReadExt, AsyncWriteExt, BufReader, BufWriter};
-use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, BufReader, BufWriter};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
+
+#[cfg(feature = "quic")]
+pub use self::quic::RawQuicServer;
 
 /// Octets of the largest frame.
 const MAX_FRAME: u32 = 4 << 20;
@@ -62,7 +69,7 @@ impl RawServer {
             tokio::select! {
                 accepted = self.listener.accept(), if served.len() < AT_ONCE => match accepted {
                     // How a connection ends is the affair of whoever measures.
-                    Ok((stream, _)) => drop(served.spawn(serve(stream, about.clone()))),
+                    Ok((stream, _)) => drop(served.spawn(serve_tcp(stream, about.clone()))),
                     // Out of file descriptors, as a rule.
                     Err(_) => tokio::time::sleep(Duration::from_millis(100)).await,
                 },
@@ -72,9 +79,17 @@ impl RawServer {
     }
 }
 
-async fn serve(stream: TcpStream, about: Bytes) -> io::Result<()> {
+async fn serve_tcp(stream: TcpStream, about: Bytes) -> io::Result<()> {
     stream.set_nodelay(true)?;
     let (reader, writer) = stream.into_split();
+    serve(reader, writer, about).await
+}
+
+async fn serve(
+    reader: impl AsyncRead + Unpin,
+    writer: impl AsyncWrite + Unpin,
+    about: Bytes,
+) -> io::Result<()> {
     let mut reader = BufReader::with_capacity(BUFFER, reader);
     let mut writer = BufWriter::with_capacity(BUFFER, writer);
     let wanted = reader.read_u8().await?;
@@ -121,11 +136,18 @@ pub async fn about(endpoint: &str) -> io::Result<(SocketAddr, Bytes)> {
 }
 
 /// A connection over which is measured.
-#[derive(Debug)]
 pub struct RawClient {
-    reader: BufReader<OwnedReadHalf>,
-    writer: BufWriter<OwnedWriteHalf>,
+    reader: BufReader<Box<dyn AsyncRead + Send + Unpin>>,
+    writer: BufWriter<Box<dyn AsyncWrite + Send + Unpin>>,
     local: SocketAddr,
+}
+
+impl fmt::Debug for RawClient {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RawClient")
+            .field("local", &self.local)
+            .finish_non_exhaustive()
+    }
 }
 
 impl RawClient {
@@ -144,6 +166,15 @@ impl RawClient {
         stream.set_nodelay(true)?;
         let local = stream.local_addr()?;
         let (reader, writer) = stream.into_split();
+        RawClient::new(Box::new(reader), Box::new(writer), local, wanted).await
+    }
+
+    async fn new(
+        reader: Box<dyn AsyncRead + Send + Unpin>,
+        writer: Box<dyn AsyncWrite + Send + Unpin>,
+        local: SocketAddr,
+        wanted: u8,
+    ) -> io::Result<RawClient> {
         let mut writer = BufWriter::with_capacity(BUFFER, writer);
         writer.write_u8(wanted).await?;
         Ok(RawClient {

@@ -19,6 +19,18 @@ pub struct Stream(pub(crate) Kind);
 
 #[derive(Debug)]
 pub(crate) enum Kind {
+    Plain(Plain),
+    /// One that has streams of its own.
+    #[cfg(feature = "quic")]
+    Quic(Box<crate::quic::QuicLink>),
+    /// What becomes one once the caller has shown who it is.
+    #[cfg(feature = "quic")]
+    Calling(Box<crate::quic::Calling>),
+}
+
+/// A single stream of octets.
+#[derive(Debug)]
+pub(crate) enum Plain {
     Tcp(TcpStream),
     #[cfg(feature = "tls")]
     Tls(Box<crate::tls::Secured>),
@@ -28,17 +40,94 @@ pub(crate) enum Kind {
 macro_rules! each {
     ($stream:expr, $inner:ident => $call:expr) => {
         match $stream {
-            Kind::Tcp($inner) => $call,
+            Plain::Tcp($inner) => $call,
             #[cfg(feature = "tls")]
-            Kind::Tls($inner) => $call,
-            Kind::Unix($inner) => $call,
+            Plain::Tls($inner) => $call,
+            Plain::Unix($inner) => $call,
         }
     };
 }
 
 impl Stream {
+    pub(crate) fn plain(stream: Plain) -> Stream {
+        Stream(Kind::Plain(stream))
+    }
+
     /// Whether the partner is on this host: a Unix socket, or an address of our own.
     pub fn same_host(&self) -> bool {
+        match &self.0 {
+            Kind::Plain(stream) => stream.same_host(),
+            #[cfg(feature = "quic")]
+            Kind::Quic(link) => link.same_host(),
+            #[cfg(feature = "quic")]
+            Kind::Calling(_) => false,
+        }
+    }
+
+    /// Where the other end is.
+    pub fn remote(&self) -> String {
+        match &self.0 {
+            Kind::Plain(stream) => stream.remote(),
+            #[cfg(feature = "quic")]
+            Kind::Quic(link) => format!("quic://{}", link.remote()),
+            #[cfg(feature = "quic")]
+            Kind::Calling(calling) => format!("quic://{}", calling.remote()),
+        }
+    }
+
+    /// Whose certificate the other side has shown, where the stream is secured: the name of a robot
+    /// of our fleet.
+    pub fn identity(&self) -> Option<&str> {
+        match &self.0 {
+            #[cfg(feature = "tls")]
+            Kind::Plain(Plain::Tls(stream)) => Some(stream.name()),
+            #[cfg(feature = "quic")]
+            Kind::Quic(link) => link.name(),
+            _ => None,
+        }
+    }
+
+    /// The certificate that the other side has shown (DER), where the stream is secured. Without a
+    /// fleet it is nobody's.
+    pub fn certificate(&self) -> Option<&[u8]> {
+        match &self.0 {
+            #[cfg(feature = "tls")]
+            Kind::Plain(Plain::Tls(stream)) => stream.certificate(),
+            #[cfg(feature = "quic")]
+            Kind::Quic(link) => link.certificate(),
+            _ => None,
+        }
+    }
+
+    /// Whether there are lanes beside the main stream.
+    pub fn has_lanes(&self) -> bool {
+        #[cfg(feature = "quic")]
+        return matches!(self.0, Kind::Quic(_));
+        #[cfg(not(feature = "quic"))]
+        return false;
+    }
+
+    /// Whether it is the call of somebody who [has to show](Self::settle) who it is.
+    pub fn is_calling(&self) -> bool {
+        #[cfg(feature = "quic")]
+        return matches!(self.0, Kind::Calling(_));
+        #[cfg(not(feature = "quic"))]
+        return false;
+    }
+
+    /// Lets a caller show who it is; any other stream stays what it is. An error says why the
+    /// caller is not let in.
+    pub async fn settle(self) -> io::Result<Stream> {
+        match self.0 {
+            #[cfg(feature = "quic")]
+            Kind::Calling(calling) => calling.settle().await,
+            other => Ok(Stream(other)),
+        }
+    }
+}
+
+impl Plain {
+    fn same_host(&self) -> bool {
         match self.tcp() {
             Some(stream) => match (stream.local_addr(), stream.peer_addr()) {
                 (Ok(local), Ok(peer)) => local.ip() == peer.ip() || peer.ip().is_loopback(),
@@ -48,8 +137,7 @@ impl Stream {
         }
     }
 
-    /// Where the other end is.
-    pub fn remote(&self) -> String {
+    fn remote(&self) -> String {
         match self.tcp() {
             Some(stream) => match stream.peer_addr() {
                 Ok(address) => format!("tcp://{address}"),
@@ -59,38 +147,19 @@ impl Stream {
         }
     }
 
-    /// Whose certificate the other side has shown, where the stream is secured: the name of a robot
-    /// of our fleet.
-    pub fn identity(&self) -> Option<&str> {
-        match &self.0 {
-            #[cfg(feature = "tls")]
-            Kind::Tls(stream) => Some(stream.name()),
-            _ => None,
-        }
-    }
-
-    /// The certificate that the other side has shown (DER), where the stream is secured.
-    pub fn certificate(&self) -> Option<&[u8]> {
-        match &self.0 {
-            #[cfg(feature = "tls")]
-            Kind::Tls(stream) => stream.certificate(),
-            _ => None,
-        }
-    }
-
     fn tcp(&self) -> Option<&TcpStream> {
-        match &self.0 {
-            Kind::Tcp(stream) => Some(stream),
+        match self {
+            Plain::Tcp(stream) => Some(stream),
             #[cfg(feature = "tls")]
-            Kind::Tls(stream) => Some(stream.stream()),
-            Kind::Unix(_) => None,
+            Plain::Tls(stream) => Some(stream.stream()),
+            Plain::Unix(_) => None,
         }
     }
 
     /// Ends what we write; an error if the connection is known to be broken by now.
     pub(crate) fn end_writing(&mut self) -> io::Result<()> {
-        match &mut self.0 {
-            Kind::Tcp(stream) => {
+        match self {
+            Plain::Tcp(stream) => {
                 SockRef::from(&*stream).shutdown(std::net::Shutdown::Write)?;
                 match stream.try_read(&mut [0]) {
                     Err(error) if error.kind() != io::ErrorKind::WouldBlock => Err(error),
@@ -98,8 +167,8 @@ impl Stream {
                 }
             }
             #[cfg(feature = "tls")]
-            Kind::Tls(stream) => stream.end_writing(),
-            Kind::Unix(stream) => stream.end_writing(),
+            Plain::Tls(stream) => stream.end_writing(),
+            Plain::Unix(stream) => stream.end_writing(),
         }
     }
 
@@ -112,12 +181,12 @@ impl Stream {
     }
 
     pub(crate) fn poll_read_ready(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        each!(&mut self.0, stream => stream.poll_read_ready(cx))
+        each!(self, stream => stream.poll_read_ready(cx))
     }
 
     /// To be asked after a writing that was refused.
     pub(crate) fn poll_write_ready(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        each!(&mut self.0, stream => stream.poll_write_ready(cx))
+        each!(self, stream => stream.poll_write_ready(cx))
     }
 
     /// Reads once into the room that the buffer has. Whether it was filled: after a reading that
@@ -128,14 +197,14 @@ impl Stream {
         buffer: &mut BytesMut,
     ) -> Poll<io::Result<bool>> {
         let (before, mut room) = (buffer.len(), buffer.capacity() - buffer.len());
-        let octets = match &mut self.0 {
-            Kind::Tcp(stream) => {
+        let octets = match self {
+            Plain::Tcp(stream) => {
                 let mut buffer = buffer.limit(room);
                 ready!(pin!(stream.read_buf(&mut buffer)).poll(cx))?
             }
             #[cfg(feature = "tls")]
-            Kind::Tls(stream) => return stream.poll_read(cx, buffer),
-            Kind::Unix(stream) => {
+            Plain::Tls(stream) => return stream.poll_read(cx, buffer),
+            Plain::Unix(stream) => {
                 room = room.min(UNIX_ROOM);
                 buffer.resize(before + room, 0);
                 let read = stream.poll_read(cx, &mut buffer[before..]);
@@ -155,15 +224,15 @@ impl Stream {
 
     /// Takes as much as there is room for; see [`flush`](Self::flush).
     pub(crate) fn try_write_vectored(&mut self, parts: &[IoSlice<'_>]) -> io::Result<usize> {
-        each!(&mut self.0, stream => stream.try_write_vectored(parts))
+        each!(self, stream => stream.try_write_vectored(parts))
     }
 
     /// Hands to the system what was taken; whether some of it has to wait.
     pub(crate) fn flush(&mut self) -> io::Result<bool> {
-        match &mut self.0 {
+        match self {
             #[cfg(feature = "tls")]
-            Kind::Tls(stream) => stream.flush(),
-            Kind::Tcp(_) | Kind::Unix(_) => Ok(false),
+            Plain::Tls(stream) => stream.flush(),
+            Plain::Tcp(_) | Plain::Unix(_) => Ok(false),
         }
     }
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 
-use crate::stream::{Kind, Stream};
+use crate::stream::{Plain, Stream};
 
 /// Connections that wait to be accepted.
 const BACKLOG: u32 = 1024;
@@ -40,5 +40,5 @@ pub(crate) fn stream(stream: TcpStream) -> io::Result<Stream> {
         .with_time(Duration::from_secs(30))
         .with_interval(Duration::from_secs(10));
     SockRef::from(&stream).set_tcp_keepalive(&keepalive)?;
-    Ok(Stream(Kind::Tcp(stream)))
+    Ok(Stream::plain(Plain::Tcp(stream)))
 }

@@ -1,6 +1,6 @@
 //! TLS on TCP streams: each end shows the certificate of a robot of the fleet (TLS 1.3, RFC 8446).
 //!
-//! Sessions are never resumed and nothing is sent before the handshake is over: each connection is a
+//! Sessions over TCP are never resumed, and nothing is sent before the handshake is over: each connection is a
 //! handshake of its own, in which both sides use their keys, so that a revoked robot does not come
 //! back on an old ticket and a recorded handshake opens nothing.
 
@@ -21,13 +21,16 @@ use rustls::version::TLS13;
 use rustls::{ClientConfig, ClientConnection, Connection, ServerConfig, ServerConnection};
 use tokio::net::TcpStream;
 
-use self::gate::{Gate, Verdict};
+use self::gate::Gate;
+pub(crate) use self::gate::Verdict;
 pub(crate) use self::secured::Secured;
+#[cfg(feature = "quic")]
+pub(crate) use self::secured::of_alert;
 use crate::Stream;
-use crate::stream::Kind;
+use crate::stream::{Kind, Plain};
 
 /// What is spoken over TLS (ALPN, RFC 7301): our stream link.
-const PROTOCOL: &[u8] = b"fipa/1";
+pub(crate) const PROTOCOL: &[u8] = b"fipa/1";
 
 /// The first octet of a TLS handshake; no letter and no link of ours begins with it.
 const HANDSHAKE: u8 = 0x16;
@@ -48,6 +51,12 @@ pub struct Tls {
 #[error("the key of this robot cannot be used: {0}")]
 pub struct KeyError(String);
 
+impl KeyError {
+    pub(crate) fn new(error: &dyn std::fmt::Display) -> KeyError {
+        KeyError(error.to_string())
+    }
+}
+
 /// What the first octet of a stream says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FirstOctet {
@@ -62,7 +71,7 @@ pub enum FirstOctet {
 impl Tls {
     /// Secures streams as a robot of a fleet.
     pub fn new(membership: Arc<Membership>) -> Result<Tls, KeyError> {
-        let wrong = |error: rustls::Error| KeyError(error.to_string());
+        let wrong = |error: rustls::Error| KeyError::new(&error);
         let provider = Arc::new(ring::default_provider());
         let certificate = CertificateDer::from(membership.certificate().der().to_vec());
         let key = PrivatePkcs8KeyDer::from(membership.private_key().to_vec());
@@ -90,7 +99,7 @@ impl Tls {
         let config = self
             .server(Arc::clone(&verdict))
             .map_err(io::Error::other)?;
-        let session = ServerConnection::new(config).map_err(io::Error::other)?;
+        let session = ServerConnection::new(Arc::new(config)).map_err(io::Error::other)?;
         self.shake_hands(stream, Connection::Server(session), &verdict)
             .await
     }
@@ -103,7 +112,7 @@ impl Tls {
             .map_err(io::Error::other)?;
         // Who is there is what the certificate says, whatever the host is called.
         let nobody = ServerName::try_from("fleet.invalid").map_err(io::Error::other)?;
-        let session = ClientConnection::new(config, nobody).map_err(io::Error::other)?;
+        let session = ClientConnection::new(Arc::new(config), nobody).map_err(io::Error::other)?;
         self.shake_hands(stream, Connection::Client(session), &verdict)
             .await
     }
@@ -117,7 +126,7 @@ impl Tls {
         let stream = tcp(stream)?;
         let shaken = secured::shake_hands(stream, session, verdict);
         match tokio::time::timeout(PATIENCE, shaken).await {
-            Ok(secured) => Ok(Stream(Kind::Tls(Box::new(secured?)))),
+            Ok(secured) => Ok(Stream::plain(Plain::Tls(Box::new(secured?)))),
             Err(_) => Err(io::Error::new(
                 io::ErrorKind::TimedOut,
                 "the TLS handshake took longer than 5 s",
@@ -125,7 +134,7 @@ impl Tls {
         }
     }
 
-    fn client(&self, verdict: Arc<Verdict>) -> Result<Arc<ClientConfig>, rustls::Error> {
+    pub(crate) fn client(&self, verdict: Arc<Verdict>) -> Result<ClientConfig, rustls::Error> {
         let gate = Arc::new(Gate::new(&self.membership, &self.provider, verdict));
         let mut config = ClientConfig::builder_with_provider(Arc::clone(&self.provider))
             .with_protocol_versions(&[&TLS13])?
@@ -135,10 +144,10 @@ impl Tls {
         config.alpn_protocols = vec![PROTOCOL.to_vec()];
         config.resumption = Resumption::disabled();
         config.enable_sni = false;
-        Ok(Arc::new(config))
+        Ok(config)
     }
 
-    fn server(&self, verdict: Arc<Verdict>) -> Result<Arc<ServerConfig>, rustls::Error> {
+    pub(crate) fn server(&self, verdict: Arc<Verdict>) -> Result<ServerConfig, rustls::Error> {
         let gate = Arc::new(Gate::new(&self.membership, &self.provider, verdict));
         let mut config = ServerConfig::builder_with_provider(Arc::clone(&self.provider))
             .with_protocol_versions(&[&TLS13])?
@@ -147,14 +156,14 @@ impl Tls {
         config.alpn_protocols = vec![PROTOCOL.to_vec()];
         config.session_storage = Arc::new(NoServerSessionStorage {});
         config.send_tls13_tickets = 0;
-        Ok(Arc::new(config))
+        Ok(config)
     }
 }
 
 impl Stream {
     /// Waits for the first octet, which stays to be read. Streams that are no TCP have none.
     pub async fn first_octet(&self) -> io::Result<FirstOctet> {
-        let Kind::Tcp(stream) = &self.0 else {
+        let Kind::Plain(Plain::Tcp(stream)) = &self.0 else {
             return Ok(FirstOctet::Other);
         };
         let mut first = [0];
@@ -168,7 +177,7 @@ impl Stream {
 
 fn tcp(stream: Stream) -> io::Result<TcpStream> {
     match stream.0 {
-        Kind::Tcp(stream) => Ok(stream),
+        Kind::Plain(Plain::Tcp(stream)) => Ok(stream),
         _ => Err(io::Error::other("a fleet speaks TLS over TCP only")),
     }
 }

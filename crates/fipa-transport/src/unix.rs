@@ -11,7 +11,7 @@ use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 use tokio::net::UnixListener;
 
-use crate::stream::{Kind, Stream};
+use crate::stream::{Plain, Stream};
 
 /// Binds a socket that only this user may open. A file there that nobody answers at is replaced;
 /// one that somebody answers at is [`io::ErrorKind::AddrInUse`].
@@ -50,7 +50,7 @@ pub(crate) async fn connect(path: &str) -> io::Result<Stream> {
 
 pub(crate) fn stream(stream: tokio::net::UnixStream) -> io::Result<Stream> {
     let stream = stream.into_std()?;
-    Ok(Stream(Kind::Unix(UnixStream {
+    Ok(Stream::plain(Plain::Unix(UnixStream {
         stream: watched(stream, Interest::READABLE)?,
         refused: None,
     })))

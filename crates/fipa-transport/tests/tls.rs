@@ -1,5 +1,7 @@
 //! Streams that robots of a fleet secure.
 
+mod support;
+
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -13,6 +15,8 @@ use fipa_transport::{
     Buffers, Driver, End, FirstOctet, Handle, Listener, Stream, Tls, dial, dial_secured, pump,
 };
 use tokio::sync::mpsc;
+
+use self::support::careless;
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -340,112 +344,4 @@ async fn who_does_not_speak_tls_is_told_from_who_does() {
         .unwrap_err()
         .to_string();
     assert!(refused.contains("it does not speak TLS"), "{refused}");
-}
-
-/// A caller who minds nothing.
-mod careless {
-    use std::io::Write;
-    use std::net::TcpStream;
-    use std::sync::Arc;
-
-    use fipa_fleet::Membership;
-    use rustls::client::ResolvesClientCert;
-    use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
-    use rustls::crypto::ring::default_provider;
-    use rustls::pki_types::{
-        CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer, ServerName, UnixTime,
-    };
-    use rustls::sign::CertifiedKey;
-    use rustls::{ClientConfig, ClientConnection, DigitallySignedStruct, Error, SignatureScheme};
-
-    #[derive(Debug)]
-    struct Minding;
-
-    impl ServerCertVerifier for Minding {
-        fn verify_server_cert(
-            &self,
-            _: &CertificateDer<'_>,
-            _: &[CertificateDer<'_>],
-            _: &ServerName<'_>,
-            _: &[u8],
-            _: UnixTime,
-        ) -> Result<ServerCertVerified, Error> {
-            Ok(ServerCertVerified::assertion())
-        }
-
-        fn verify_tls12_signature(
-            &self,
-            _: &[u8],
-            _: &CertificateDer<'_>,
-            _: &DigitallySignedStruct,
-        ) -> Result<HandshakeSignatureValid, Error> {
-            Ok(HandshakeSignatureValid::assertion())
-        }
-
-        fn verify_tls13_signature(
-            &self,
-            _: &[u8],
-            _: &CertificateDer<'_>,
-            _: &DigitallySignedStruct,
-        ) -> Result<HandshakeSignatureValid, Error> {
-            Ok(HandshakeSignatureValid::assertion())
-        }
-
-        fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
-            let algorithms = default_provider().signature_verification_algorithms;
-            algorithms.supported_schemes()
-        }
-    }
-
-    /// Shows this certificate, whoever asks and whatever for.
-    #[derive(Debug)]
-    struct Shown(Option<Arc<CertifiedKey>>);
-
-    impl ResolvesClientCert for Shown {
-        fn resolve(&self, _: &[&[u8]], _: &[SignatureScheme]) -> Option<Arc<CertifiedKey>> {
-            self.0.clone()
-        }
-
-        fn has_certs(&self) -> bool {
-            self.0.is_some()
-        }
-    }
-
-    fn made(shown: Option<CertifiedKey>) -> Arc<ClientConfig> {
-        let mut config = ClientConfig::builder_with_provider(Arc::new(default_provider()))
-            .with_safe_default_protocol_versions()
-            .unwrap()
-            .dangerous()
-            .with_custom_certificate_verifier(Arc::new(Minding))
-            .with_client_cert_resolver(Arc::new(Shown(shown.map(Arc::new))));
-        config.alpn_protocols = vec![b"fipa/1".to_vec()];
-        Arc::new(config)
-    }
-
-    pub(super) fn config(shown: Option<&Membership>) -> Arc<ClientConfig> {
-        match shown {
-            Some(m) => config_with(m.certificate().der(), m.private_key()),
-            None => made(None),
-        }
-    }
-
-    pub(super) fn config_with(certificate: &[u8], key: &[u8]) -> Arc<ClientConfig> {
-        let key = PrivateKeyDer::from(PrivatePkcs8KeyDer::from(key.to_vec()));
-        let key = default_provider()
-            .key_provider
-            .load_private_key(key)
-            .unwrap();
-        let chain = vec![CertificateDer::from(certificate.to_vec())];
-        made(Some(CertifiedKey::new(chain, key)))
-    }
-
-    /// Calls, writes something, and waits for the end.
-    pub(super) fn call(port: u16, config: Arc<ClientConfig>) {
-        let name = ServerName::try_from("fleet.invalid").unwrap();
-        let mut session = ClientConnection::new(config, name).unwrap();
-        let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-        let mut stream = rustls::Stream::new(&mut session, &mut stream);
-        let _ = stream.write_all(b"\x8fFIPA\r\n\x01");
-        let _ = std::io::copy(&mut stream, &mut std::io::sink());
-    }
 }

@@ -15,9 +15,9 @@ const LOOK: Duration = Duration::from_secs(2);
 
 pub(crate) fn socket_address(address: &Address) -> Option<SocketAddr> {
     match address {
-        Address::Tcp { host, port } | Address::Other { host, port, .. } => {
-            Some(SocketAddr::new(host.parse().ok()?, *port))
-        }
+        Address::Tcp { host, port }
+        | Address::Quic { host, port }
+        | Address::Other { host, port, .. } => Some(SocketAddr::new(host.parse().ok()?, *port)),
         Address::Http { host, port, .. } => Some(SocketAddr::new(host.parse().ok()?, *port)),
         Address::Unix(_) => None,
     }
@@ -92,6 +92,7 @@ fn concrete(address: &Address) -> Vec<Address> {
         .into_iter()
         .map(|ip| match address {
             Address::Http { path, .. } => Address::http(ip.to_string(), bound.port(), path),
+            Address::Quic { .. } => Address::quic(ip.to_string(), bound.port()),
             Address::Other { scheme, .. } => Address::Other {
                 scheme: scheme.clone(),
                 host: ip.to_string(),

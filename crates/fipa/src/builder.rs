@@ -95,7 +95,7 @@ impl PlatformBuilder {
         self
     }
 
-    /// Adds an endpoint, `tcp://HOST:PORT` or `HOST:PORT`, or one of a
+    /// Adds an endpoint: `tcp://HOST:PORT`, `HOST:PORT`, `quic://HOST:PORT`, or one of a
     /// [transport](Self::transport) that is plugged in. Default `tcp://127.0.0.1:0`; port 0 takes a
     /// free one, and `0.0.0.0` means every address of the machine.
     #[must_use]
@@ -220,7 +220,7 @@ impl PlatformBuilder {
         getrandom::fill(&mut octets).map_err(|error| Error::Random(error.to_string()))?;
         let instance = InstanceId::from_bytes(octets);
         self.check_schemes()?;
-        let (listeners, plugged, bound) = self.bind().await?;
+        let (listeners, plugged, bound) = self.bind(&security).await?;
         let outbox = self.state.as_ref().map(fipa_outbox::open).transpose()?;
         let control = self.bind_control().await?;
         let http = self.bind_http().await?;
@@ -288,7 +288,7 @@ impl PlatformBuilder {
     #[cfg(feature = "tls")]
     fn security(&mut self) -> Result<Security, Error> {
         let Some(fleet) = &self.fleet else {
-            return Ok(Security::default());
+            return Security::open();
         };
         let certified = fleet.name().to_owned();
         if let Some(name) = self.name.replace(certified.clone())
@@ -297,12 +297,12 @@ impl PlatformBuilder {
             return Err(Error::NotCertified { name, certified });
         }
         let tls = Tls::new(Arc::clone(fleet)).map_err(|error| Error::Key(error.to_string()))?;
-        Ok(Security::of(tls))
+        Security::of(tls)
     }
 
     #[cfg(not(feature = "tls"))]
     fn security(&mut self) -> Result<Security, Error> {
-        Ok(Security::default())
+        Security::open()
     }
 
     /// The robots that are known to be in the fleet, where there is one.
@@ -329,7 +329,10 @@ impl PlatformBuilder {
     }
 
     /// Binds all endpoints, and tells where they are.
-    async fn bind(&self) -> Result<(Vec<Listener>, Vec<BoundPlugIn>, Vec<Address>), Error> {
+    async fn bind(
+        &self,
+        security: &Security,
+    ) -> Result<(Vec<Listener>, Vec<BoundPlugIn>, Vec<Address>), Error> {
         let (mut listeners, mut plugged, mut bound) = (Vec::new(), Vec::new(), Vec::new());
         for endpoint in self.listen_or_default() {
             let address = endpoint.parse()?;
@@ -339,7 +342,7 @@ impl PlatformBuilder {
                     plugged.push(endpoint);
                 }
                 None => {
-                    let listener = Listener::bind(&address).await?;
+                    let listener = security.bind(&address).await?;
                     bound.push(listener.address().clone());
                     listeners.push(listener);
                 }
@@ -439,8 +442,7 @@ impl PlatformBuilder {
         name: &str,
         bound: &[Address],
     ) -> Result<Option<Discovery>, Error> {
-        let links = bound.iter().filter(|address| address.is_link());
-        let endpoints: Vec<SocketAddr> = links.filter_map(socket_address).collect();
+        let (endpoints, quic) = announced(bound);
         if !self.mdns || endpoints.is_empty() {
             return Ok(None);
         }
@@ -449,12 +451,33 @@ impl PlatformBuilder {
             name: name.to_owned(),
             scope: self.scope.clone(),
             endpoints,
+            quic,
             interfaces: self.interfaces.clone(),
             agents: self.mdns_agents,
             port: self.mdns_port,
         })?;
         Ok(Some(discovery))
     }
+}
+
+/// The sockets that mDNS announces, and the port of QUIC. One port is announced beside that of QUIC:
+/// of TCP, unless others reach us over QUIC alone.
+fn announced(bound: &[Address]) -> (Vec<SocketAddr>, Option<u16>) {
+    let is_quic = |address: &&Address| matches!(address, Address::Quic { .. });
+    let links = bound.iter().filter(|address| address.is_link());
+    let (quic, tcp): (Vec<&Address>, Vec<&Address>) = links.partition(is_quic);
+    let sockets = |all: Vec<&Address>| -> Vec<SocketAddr> {
+        all.into_iter().filter_map(socket_address).collect()
+    };
+    let (quic, tcp) = (sockets(quic), sockets(tcp));
+    let outer = |all: &[SocketAddr]| all.iter().find(|at| !at.ip().is_loopback()).copied();
+    let alone = tcp.is_empty() || outer(&tcp).is_none() && outer(&quic).is_some();
+    let endpoints = if alone { quic.clone() } else { tcp };
+    let port = match outer(&endpoints) {
+        Some(_) => outer(&quic),
+        None => quic.first().copied(),
+    };
+    (endpoints, port.map(|at| at.port()))
 }
 
 /// Hands over what an earlier run has stored, and begins to store.
@@ -470,4 +493,29 @@ fn start_outbox(node: &Arc<Node<Mts>>, mut outbox: Opened) -> Result<(), Error> 
     node.set_store(outbox.start(stored).map_err(Error::Runtime)?);
     node.with(|now, mts, _| mts.restore(now, letters));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_others_reach_is_announced() {
+        let told = |bound: &[&str]| {
+            let bound: Vec<Address> = bound.iter().map(|a| a.parse().unwrap()).collect();
+            let (endpoints, quic) = announced(&bound);
+            let endpoints: Vec<String> = endpoints.iter().map(SocketAddr::to_string).collect();
+            (endpoints.join(" "), quic)
+        };
+        let only_tcp = ["tcp://127.0.0.1:1", "tcp://10.0.0.1:2"];
+        assert_eq!(told(&only_tcp), ("127.0.0.1:1 10.0.0.1:2".to_owned(), None));
+        let both = ["quic://10.0.0.1:3", "tcp://10.0.0.1:2"];
+        assert_eq!(told(&both), ("10.0.0.1:2".to_owned(), Some(3)));
+        let only_quic = ["quic://127.0.0.1:3"];
+        assert_eq!(told(&only_quic), ("127.0.0.1:3".to_owned(), Some(3)));
+        let quic_to_others = ["tcp://127.0.0.1:1", "quic://0.0.0.0:3"];
+        assert_eq!(told(&quic_to_others), ("0.0.0.0:3".to_owned(), Some(3)));
+        let quic_within = ["tcp://0.0.0.0:1", "quic://127.0.0.1:3"];
+        assert_eq!(told(&quic_within), ("0.0.0.0:1".to_owned(), None));
+    }
 }

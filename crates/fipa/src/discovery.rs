@@ -210,18 +210,23 @@ fn hand_over(node: &Arc<Node<Mts>>, event: DiscoveryEvent) {
             instance,
             name,
             addresses,
+            quic,
         }) => {
-            let address = |a: &std::net::SocketAddr| {
+            let host = |a: &std::net::SocketAddr| {
                 // A link-local address needs its interface, which the text of it carries.
-                let host = match a {
+                match a {
                     std::net::SocketAddr::V6(v6) if v6.scope_id() != 0 => {
                         format!("{}%{}", v6.ip(), v6.scope_id())
                     }
                     other => other.ip().to_string(),
-                };
-                Address::tcp(host, a.port())
+                }
             };
-            let addresses = addresses.iter().map(address).collect();
+            let tcp = addresses.iter().map(|a| Address::tcp(host(a), a.port()));
+            let quic = quic.into_iter().flat_map(|port| {
+                let at = addresses.iter();
+                at.map(move |a| Address::quic(host(a), port))
+            });
+            let addresses = tcp.chain(quic).collect();
             let name = Text::from(name);
             node.with(|now, mts, _| mts.discovered(now, instance, name, addresses));
         }

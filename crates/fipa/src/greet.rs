@@ -64,7 +64,11 @@ pub enum GreetError {
 /// Opens a connection to the first of these addresses that answers, and ends it when the platform
 /// there has said who it is. It takes 6 s at most an address.
 pub async fn greet(addresses: &[Address]) -> Result<Greeting, GreetError> {
-    greet_by(addresses, Security::default()).await
+    greet_by(addresses, secured(Security::open())?).await
+}
+
+fn secured(security: Result<Security, crate::Error>) -> Result<Security, GreetError> {
+    security.map_err(|error| GreetError::Strange(error.to_string()))
 }
 
 /// The same as a robot of a fleet, whose platforms talk to nobody else.
@@ -75,7 +79,7 @@ pub async fn greet_in_fleet(
 ) -> Result<Greeting, GreetError> {
     let tls = fipa_transport::Tls::new(Arc::clone(membership));
     let tls = tls.map_err(|error| GreetError::Strange(error.to_string()))?;
-    greet_by(addresses, Security::of(tls)).await
+    greet_by(addresses, secured(Security::of(tls))?).await
 }
 
 pub(crate) async fn greet_by(

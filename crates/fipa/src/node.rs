@@ -11,7 +11,7 @@ use fipa_directory::{Address, Change, ChangeKind, InstanceId, Now};
 use fipa_link::{CallBack, CallBackResult, CalledBack, Facts, ReceiverOutcome};
 use fipa_mts::{
     Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostedLetter,
-    RegisterError, SentLetter,
+    RegisterError, SentLetter, Urgency,
 };
 use fipa_outbox::Store;
 use fipa_transport::http::HttpClient;
@@ -308,7 +308,7 @@ impl<M: Machine + Send + 'static> Node<M> {
     pub(crate) async fn accept_from(self: Arc<Self>, listener: Listener, control: bool) {
         loop {
             match listener.accept().await {
-                Ok(stream) if control || !self.security.is_on() => {
+                Ok(stream) if control || !self.security.is_on() && !stream.is_calling() => {
                     self.accepted(stream, control);
                 }
                 Ok(stream) => {
@@ -363,6 +363,7 @@ impl<M: Machine + Send + 'static> Node<M> {
             same_host: stream.same_host(),
             remote: Text::from(stream.remote()),
             identity: stream.identity().map(Text::from),
+            lanes: stream.has_lanes(),
         };
         if let Some(certificate) = stream.certificate() {
             state.certificates.insert(conn, certificate.to_vec());
@@ -669,6 +670,32 @@ struct Connection<M> {
 /// Octets that are handed to the socket in one go.
 const BATCH: usize = 1 << 20;
 
+impl<M: Machine + Send + 'static> Connection<M> {
+    /// Adds what there is to write. Whether there may be more.
+    fn give(
+        &self,
+        parts: &mut VecDeque<Bytes>,
+        at_work: Option<ConnId>,
+        poll: impl Fn(&mut M, Now) -> Option<Bytes>,
+    ) -> bool {
+        let mut octets: usize = parts.iter().map(Bytes::len).sum();
+        if octets >= BATCH {
+            return true;
+        }
+        let mut state = self.node.lock();
+        let now = self.node.clock.now();
+        while octets < BATCH
+            && let Some(part) = poll(&mut state.machine, now)
+        {
+            octets += part.len();
+            parts.push_back(part);
+        }
+        // What waited for room on the connection may have been refused.
+        self.node.act(&mut state, at_work);
+        octets >= BATCH
+    }
+}
+
 impl<M: Machine + Send + 'static> Driver for Connection<M> {
     fn received(&self, octets: &mut BytesMut) {
         let mut state = self.node.lock();
@@ -678,21 +705,31 @@ impl<M: Machine + Send + 'static> Driver for Connection<M> {
     }
 
     fn transmit(&self, parts: &mut VecDeque<Bytes>) -> bool {
-        let mut octets: usize = parts.iter().map(Bytes::len).sum();
-        if octets >= BATCH {
+        self.give(parts, Some(self.conn), |machine, now| {
+            machine.poll_transmit(now, self.conn)
+        })
+    }
+
+    fn received_on(&self, lane: usize, octets: &mut BytesMut) -> bool {
+        let Some(lane) = Urgency::ALL.get(lane) else {
+            octets.clear();
             return true;
-        }
+        };
         let mut state = self.node.lock();
         let now = self.node.clock.now();
-        while octets < BATCH
-            && let Some(part) = state.machine.poll_transmit(now, self.conn)
-        {
-            octets += part.len();
-            parts.push_back(part);
-        }
-        // What waited for room on the connection may have been refused.
+        let wanted = state.machine.received_on(now, self.conn, *lane, octets);
         self.node.act(&mut state, Some(self.conn));
-        octets >= BATCH
+        wanted
+    }
+
+    fn transmit_on(&self, lane: usize, parts: &mut VecDeque<Bytes>) -> bool {
+        let Some(lane) = Urgency::ALL.get(lane) else {
+            return false;
+        };
+        // Room on a lane may be used by letters of another, to which its turn is to come again.
+        self.give(parts, None, |machine, now| {
+            machine.poll_transmit_on(now, self.conn, *lane)
+        })
     }
 
     fn closed(&self, end: &End, all_written: bool) {

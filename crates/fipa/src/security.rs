@@ -10,9 +10,13 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use fipa_acl::Text;
 use fipa_directory::{Address, Now};
-use fipa_transport::{DialError, Stream};
+#[cfg(feature = "quic")]
+use fipa_transport::Quic;
+use fipa_transport::{BindError, DialError, Listener, Stream};
 #[cfg(feature = "tls")]
 use fipa_transport::{FirstOctet, Tls};
+
+use crate::Error;
 
 /// How long a caller may take for its first octet.
 #[cfg(feature = "tls")]
@@ -34,6 +38,9 @@ const REMEMBERED: usize = 256;
 pub(crate) struct Security {
     #[cfg(feature = "tls")]
     fleet: Option<Arc<Fleet>>,
+    /// Only who is attached to a platform has none.
+    #[cfg(feature = "quic")]
+    quic: Option<Quic>,
 }
 
 #[cfg(feature = "tls")]
@@ -46,13 +53,35 @@ struct Fleet {
 }
 
 impl Security {
+    /// Without a fleet.
+    pub(crate) fn open() -> Result<Security, Error> {
+        Ok(Security {
+            #[cfg(feature = "quic")]
+            quic: Some(Quic::new(None).map_err(|error| Error::Key(error.to_string()))?),
+            ..Security::default()
+        })
+    }
+
+    /// Binds an endpoint of links.
+    pub(crate) async fn bind(&self, address: &Address) -> Result<Listener, BindError> {
+        #[cfg(feature = "quic")]
+        if let Some(quic) = &self.quic {
+            return Listener::bind_link(address, quic).await;
+        }
+        Listener::bind(address).await
+    }
+
     /// Opens a stream, secured if it is to be a link.
     pub(crate) async fn dial(
         &self,
         addresses: &[Address],
         link: bool,
     ) -> Result<(Stream, Address), DialError> {
-        #[cfg(feature = "tls")]
+        #[cfg(feature = "quic")]
+        if let (Some(quic), true) = (&self.quic, link) {
+            return fipa_transport::dial_link(addresses, quic).await;
+        }
+        #[cfg(all(feature = "tls", not(feature = "quic")))]
         if let (Some(fleet), true) = (&self.fleet, link) {
             return fipa_transport::dial_secured(addresses, &fleet.tls).await;
         }
@@ -75,7 +104,8 @@ impl Security {
         if let Some(fleet) = &self.fleet {
             return fleet.accept(stream).await;
         }
-        Ok(Some(stream))
+        let settled = stream.settle().await;
+        settled.map(Some).map_err(|error| error.to_string())
     }
 
     /// Takes a list of what is revoked, if it is good; whether there is something new in it.
@@ -119,14 +149,19 @@ impl Security {
 #[cfg(feature = "tls")]
 impl Security {
     /// As a robot of a fleet.
-    pub(crate) fn of(tls: Tls) -> Security {
-        Security {
+    pub(crate) fn of(tls: Tls) -> Result<Security, Error> {
+        Ok(Security {
+            #[cfg(feature = "quic")]
+            quic: {
+                let quic = Quic::new(Some(tls.clone()));
+                Some(quic.map_err(|error| Error::Key(error.to_string()))?)
+            },
             fleet: Some(Arc::new(Fleet {
                 tls,
                 greeting: tokio::sync::Semaphore::new(GREETING),
                 told: Mutex::default(),
             })),
-        }
+        })
     }
 }
 
@@ -145,6 +180,10 @@ impl Fleet {
     }
 
     async fn greet(&self, stream: Stream) -> Result<Option<Stream>, String> {
+        if stream.is_calling() {
+            let settled = stream.settle().await;
+            return settled.map(Some).map_err(|error| error.to_string());
+        }
         match tokio::time::timeout(FIRST_OCTET, stream.first_octet()).await {
             Ok(Ok(FirstOctet::Tls)) => {
                 let secured = self.tls.accept(stream).await;

@@ -21,7 +21,8 @@ pub(crate) struct Layer {
     // From a file it may be empty, which stands for the default and still beats weaker sources.
     #[arg(long, value_name = "NAME", value_parser = value::name)]
     pub(crate) name: Option<String>,
-    /// An endpoint, repeatable; port 0 takes a free port [default: tcp://127.0.0.1:0]
+    /// An endpoint, tcp:// or quic://, repeatable; port 0 takes a free port [default:
+    /// tcp://127.0.0.1:0]
     #[arg(long, value_name = "URL|HOST:PORT", value_parser = value::listen_address)]
     pub(crate) listen: Option<Vec<Address>>,
     /// Where letters are taken over HTTP, as JADE posts them; port 0 takes a free port [default:

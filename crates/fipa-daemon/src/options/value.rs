@@ -88,9 +88,9 @@ pub(crate) fn http_path(text: &str) -> Result<String, String> {
 /// An endpoint to connect to: one with a port.
 pub(crate) fn peer_address(text: &str) -> Result<Address, String> {
     match address(text)? {
-        Address::Tcp { port: 0, .. } | Address::Http { port: 0, .. } => {
-            Err(format!("{text:?}: nobody can connect to port 0"))
-        }
+        Address::Tcp { port: 0, .. }
+        | Address::Quic { port: 0, .. }
+        | Address::Http { port: 0, .. } => Err(format!("{text:?}: nobody can connect to port 0")),
         address => Ok(address),
     }
 }

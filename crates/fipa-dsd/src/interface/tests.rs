@@ -54,6 +54,7 @@ fn rule(endpoints: &[&str], selectors: &[&str]) -> Result<Rule, MdnsError> {
         name: String::new(),
         scope: String::new(),
         endpoints: endpoints.iter().map(|e| e.parse().unwrap()).collect(),
+        quic: None,
         interfaces: selectors.iter().map(|s| s.parse().unwrap()).collect(),
         agents: crate::DEFAULT_AGENTS,
         port: 5353,

@@ -17,12 +17,14 @@ pub(super) fn announcement(config: &MdnsConfig, rule: &Rule) -> Result<ServiceIn
         return Err(MdnsError::ScopeTooLong { length, most });
     }
     let id = config.instance.to_string();
-    let properties = [
+    let quic = config.quic.map(|port| port.to_string());
+    let mut properties = vec![
         (txt::ID, id.as_str()),
         (txt::NAME, cut(&config.name, txt::room(txt::NAME))),
         (txt::SCOPE, config.scope.as_str()),
         (txt::VERSION, txt::CURRENT_VERSION),
     ];
+    properties.extend(quic.as_deref().map(|port| (txt::QUIC, port)));
     // Services that share a host name are reported as removed together, hence our own host name.
     let host = format!("fipa-{}.local.", &id[..16]);
     let service = ServiceInfo::new(
@@ -77,6 +79,7 @@ mod tests {
             name: name.to_owned(),
             scope: scope.to_owned(),
             endpoints: vec!["127.0.0.5:7000".parse().unwrap()],
+            quic: None,
             interfaces: Vec::new(),
             agents: crate::DEFAULT_AGENTS,
             port: 5353,

@@ -15,6 +15,8 @@ pub(super) struct Heard {
     pub(super) name: String,
     pub(super) scope: String,
     pub(super) version: String,
+    /// The UDP port of QUIC.
+    pub(super) quic: Option<u16>,
     /// The usable addresses, in no order.
     pub(super) addresses: Vec<SocketAddr>,
 }
@@ -30,6 +32,7 @@ impl Heard {
             name: text(txt::NAME).unwrap_or_default(),
             scope: text(txt::SCOPE).unwrap_or_default(),
             version: text(txt::VERSION).unwrap_or_default(),
+            quic: text(txt::QUIC).and_then(|port| port.parse().ok()),
             addresses: addresses
                 .filter_map(|ip| usable(ip, service.get_port()))
                 .collect(),

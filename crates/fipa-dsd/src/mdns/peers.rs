@@ -33,6 +33,7 @@ pub(super) struct Peers {
 #[derive(Debug, Default)]
 struct Peer {
     name: String,
+    quic: Option<u16>,
     /// The addresses, with the time since when the announcements lack them.
     addresses: HashMap<SocketAddr, Option<Instant>>,
     reported: Option<DiscoveredPeer>,
@@ -75,6 +76,7 @@ impl Peers {
         self.by_fullname.insert(heard.fullname, id);
         let peer = self.peers.entry(id).or_default();
         peer.name = heard.name;
+        peer.quic = heard.quic.filter(|port| *port != 0);
         peer.merge(&heard.addresses, now);
         events.extend(peer.report(id));
         events
@@ -151,6 +153,7 @@ impl Peer {
             instance,
             name: self.name.clone(),
             addresses,
+            quic: self.quic,
         };
         if peer.addresses.is_empty() || self.reported.as_ref() == Some(&peer) {
             return None;

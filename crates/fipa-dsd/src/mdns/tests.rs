@@ -10,6 +10,7 @@ fn two(port: u16) -> Option<(Mdns, Mdns)> {
             name: format!("unit {n}"),
             scope: "unit".to_owned(),
             endpoints: vec![([127, 0, 0, 1], 7000 + u16::from(n)).into()],
+            quic: None,
             interfaces: Vec::new(),
             agents: crate::DEFAULT_AGENTS,
             port,

@@ -6,6 +6,8 @@ pub(super) const ID: &str = "id";
 pub(super) const NAME: &str = "name";
 /// The scope: other scopes are ignored.
 pub(super) const SCOPE: &str = "scope";
+/// The UDP port of QUIC, where that is spoken.
+pub(super) const QUIC: &str = "quic";
 /// The version of this record.
 pub(super) const VERSION: &str = "v";
 /// The version written and understood here.

@@ -224,7 +224,7 @@ fn refusal(refusal: Text) -> CalledBack {
 fn is_same_host(one: &Address, other: &Address) -> bool {
     let ip = |address: &Address| match address {
         Address::Tcp { host, .. } | Address::Quic { host, .. } => host.parse::<IpAddr>().ok(),
-        Address::Http { .. } | Address::Unix(_) => None,
+        Address::Http { .. } | Address::Unix(_) | Address::Other { .. } => None,
     };
     ip(one).is_some_and(|one| ip(other) == Some(one))
 }

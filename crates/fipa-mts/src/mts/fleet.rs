@@ -477,9 +477,7 @@ fn ip_of(address: &Address) -> Option<IpAddr> {
         Address::Tcp { host, .. }
         | Address::Quic { host, .. }
         | Address::Http { host, .. }
-        | Address::Other { host, .. } => {
-            host.parse().ok()
-        }
+        | Address::Other { host, .. } => host.parse().ok(),
         Address::Unix(_) => None,
     }
 }

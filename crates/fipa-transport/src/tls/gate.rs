@@ -13,17 +13,23 @@ use rustls::{
 
 /// What became of the certificate that was shown in one handshake.
 #[derive(Debug, Default)]
-pub(super) struct Verdict(Mutex<Option<Result<String, Refusal>>>);
+pub(crate) struct Verdict(Mutex<Option<Result<String, Refusal>>>);
 
 impl Verdict {
     /// Whose it is, if it is one of the fleet.
-    pub(super) fn name(&self) -> Option<String> {
+    pub(crate) fn name(&self) -> Option<String> {
         self.lock().clone()?.ok()
     }
 
     /// Why it was refused.
-    pub(super) fn refusal(&self) -> Option<Refusal> {
+    pub(crate) fn refusal(&self) -> Option<Refusal> {
         self.lock().clone()?.err()
+    }
+
+    /// There is another handshake.
+    #[cfg(feature = "quic")]
+    pub(crate) fn forget(&self) {
+        *self.lock() = None;
     }
 
     fn lock(&self) -> MutexGuard<'_, Option<Result<String, Refusal>>> {

@@ -117,6 +117,11 @@ fn broken(error: &Error) -> String {
     let Error::AlertReceived(alert) = error else {
         return format!("TLS: {error}");
     };
+    of_alert(*alert)
+}
+
+/// What the other side has against us.
+pub(crate) fn of_alert(alert: AlertDescription) -> String {
     let why = match alert {
         AlertDescription::UnknownCA => "it is of another fleet",
         AlertDescription::CertificateExpired => "it has expired, or is not valid yet by its clock",

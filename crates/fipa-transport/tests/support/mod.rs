@@ -1,6 +1,9 @@
 //! What the tests share.
 #![allow(dead_code)] // Each test takes what it needs.
 
+#[cfg(feature = "tls")]
+pub(crate) mod careless;
+
 use std::collections::VecDeque;
 use std::net::TcpStream;
 use std::sync::{Arc, Mutex};

@@ -23,6 +23,9 @@ pub(super) struct Peer {
     name: String,
     tcp: u16,
     http: u16,
+    quic: u16,
+    /// The port of bare QUIC.
+    raw_quic: u16,
 }
 
 impl Peer {
@@ -47,21 +50,39 @@ impl Peer {
         let told: Value =
             serde_json::from_slice(&told).map_err(|_| nobody(&"its answer is of another kind"))?;
         let port = |key: &str| told[key].as_u64().and_then(|port| u16::try_from(port).ok());
-        match (told["name"].as_str(), port("tcp"), port("http")) {
-            (Some(name), Some(tcp), Some(http)) => Ok(Peer {
+        let ports = ["tcp", "http", "quic", "raw-quic"].map(port);
+        match (told["name"].as_str(), ports) {
+            (Some(name), [Some(tcp), Some(http), Some(quic), Some(raw_quic)]) => Ok(Peer {
                 address,
                 name: name.to_owned(),
                 tcp,
                 http,
+                quic,
+                raw_quic,
             }),
             _ => Err(nobody(&"its answer is of another kind")),
         }
     }
 
     /// What bare sockets give.
-    pub(super) async fn bare(&self, span: Duration) -> Result<Figures, Failure> {
+    pub(super) async fn bare(
+        &self,
+        transport: Transport,
+        span: Duration,
+    ) -> Result<Figures, Failure> {
         let lost = |error| Failure::environment(format_args!("{}: {error}", self.address));
-        let mut echo = RawClient::echo(self.address).await.map_err(lost)?;
+        let quic = SocketAddr::new(self.address.ip(), self.raw_quic);
+        let (echo, sink) = match transport {
+            Transport::Tcp | Transport::Http => (
+                RawClient::echo(self.address).await,
+                RawClient::sink(self.address).await,
+            ),
+            Transport::Quic => (
+                RawClient::quic_echo(quic).await,
+                RawClient::quic_sink(quic).await,
+            ),
+        };
+        let (mut echo, mut sink) = (echo.map_err(lost)?, sink.map_err(lost)?);
         let frame = [b'x'; PING];
         let (mut times, begun) = (Vec::new(), Instant::now());
         while begun.elapsed() < span {
@@ -69,7 +90,6 @@ impl Peer {
             echo.round_trip(&frame).await.map_err(lost)?;
             times.push(sent.elapsed().as_secs_f64() * 1e6);
         }
-        let mut sink = RawClient::sink(self.address).await.map_err(lost)?;
         let begun = Instant::now();
         let letters = sink.flood(&[b'x'; SMALL], SMALL_WINDOW, span).await;
         let letters = letters.map_err(lost)? as f64 / begun.elapsed().as_secs_f64();
@@ -88,8 +108,12 @@ impl Peer {
         let own = format!("bench-client-{}", std::process::id());
         let builder = Platform::builder().name(own.as_str()).mdns(false);
         let at = |port| SocketAddr::new(self.address.ip(), port);
+        let link = match transport {
+            Transport::Quic => format!("quic://{}", at(self.quic)),
+            Transport::Tcp | Transport::Http => format!("tcp://{}", at(self.tcp)),
+        };
         let (builder, url) = match transport {
-            Transport::Tcp => (builder.peer(format!("tcp://{}", at(self.tcp))), None),
+            Transport::Tcp | Transport::Quic => (builder.peer(link.as_str()), None),
             Transport::Http => {
                 // Answers are posted to where the other end sees us.
                 let probe = RawClient::echo(self.address).await;
@@ -111,9 +135,8 @@ impl Peer {
         if url.is_none() {
             let found = tokio::time::timeout(PATIENCE, platform.wait_for(&client.sink.name));
             if !matches!(found.await, Ok(Some(_))) {
-                let at = at(self.tcp);
                 return Err(Failure::environment(format_args!(
-                    "there is no link with tcp://{at}: a firewall may let nothing through to that port"
+                    "there is no link with {link}: a firewall may let nothing through to that port"
                 )));
             }
         }

@@ -1,5 +1,5 @@
 //! `fipa bench`: what the link to another robot gives, by each transport, beside bare sockets over
-//! the same network in the same run.
+//! the same network in the same run; for QUIC these are connections of `quinn`, with one stream.
 //!
 //! The other robot runs `fipa bench --serve`. No daemon has a part in it: both ends are platforms of
 //! their own, as a daemon is one.
@@ -42,15 +42,17 @@ pub struct Args {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Transport {
     Tcp,
+    Quic,
     Http,
 }
 
 impl Transport {
-    const ALL: [Transport; 2] = [Transport::Tcp, Transport::Http];
+    const ALL: [Transport; 3] = [Transport::Tcp, Transport::Quic, Transport::Http];
 
     fn name(self) -> &'static str {
         match self {
             Transport::Tcp => "tcp",
+            Transport::Quic => "quic",
             Transport::Http => "http",
         }
     }
@@ -118,7 +120,7 @@ async fn measure(args: &Args) -> Result<(), Failure> {
     };
     if !args.json {
         print_line(
-            "            round trip in us      letters/s      MB/s    beside a bare TCP socket",
+            "            round trip in us      letters/s      MB/s    beside a bare socket",
         )?;
         print_line("                p50       p99")?;
     }
@@ -127,7 +129,7 @@ async fn measure(args: &Args) -> Result<(), Failure> {
         let mut client = peer.client(*transport).await?;
         let (mut bare, mut ours) = (Vec::new(), Vec::new());
         for _ in 0..ROUNDS {
-            bare.push(peer.bare(args.seconds).await?);
+            bare.push(peer.bare(*transport, args.seconds).await?);
             ours.push(client.measure(args.seconds).await);
         }
         report(args.json, transport.name(), &middle(&ours), &middle(&bare))?;

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use fipa::{Agent, Message, Performative, Platform, ReceiveError};
-use fipa_transport::raw::RawServer;
+use fipa_transport::raw::{RawQuicServer, RawServer};
 use serde_json::json;
 use tokio::task::JoinSet;
 
@@ -16,6 +16,7 @@ const AT_ONCE: usize = 256;
 
 pub(super) struct Server {
     raw: RawServer,
+    raw_quic: RawQuicServer,
     about: String,
     echo: Agent,
     sink: Agent,
@@ -33,10 +34,13 @@ impl Server {
             _ => Failure::environment(format_args!("cannot listen at {endpoint}: {error}")),
         })?;
         let beside = SocketAddr::new(raw.address().ip(), 0).to_string();
+        let raw_quic = RawQuicServer::bind(&beside).await;
+        let raw_quic = raw_quic.map_err(Failure::environment)?;
         let platform = Platform::builder()
             .name(format!("bench-{}", std::process::id()))
             .mdns(false)
             .listen(beside.as_str())
+            .listen(format!("quic://{beside}"))
             .http(beside.as_str(), "/acc")
             .start()
             .await
@@ -45,14 +49,28 @@ impl Server {
         let agent = |name: String| async { platform.agent(name).await };
         let echo = agent(named("echo")).await.map_err(Failure::environment)?;
         let sink = agent(named("sink")).await.map_err(Failure::environment)?;
-        let port = |url: Option<&fipa::Address>| url.map(port_of).unwrap_or_default();
+        let (mut tcp, mut quic) = (0, 0);
+        for endpoint in platform.endpoints() {
+            match endpoint {
+                fipa::Address::Tcp { port, .. } => tcp = port,
+                fipa::Address::Quic { port, .. } => quic = port,
+                _ => {}
+            }
+        }
+        let http = platform.http_urls().first().map(|url| match url {
+            fipa::Address::Http { port, .. } => *port,
+            _ => 0,
+        });
         let about = json!({
             "name": platform.name().as_str(),
-            "tcp": port(platform.endpoints().first()),
-            "http": port(platform.http_urls().first()),
+            "tcp": tcp,
+            "http": http,
+            "quic": quic,
+            "raw-quic": raw_quic.address().port(),
         });
         Ok(Server {
             raw,
+            raw_quic,
             about: about.to_string(),
             echo,
             sink,
@@ -69,23 +87,18 @@ impl Server {
     pub(super) async fn run(self) -> Result<(), Failure> {
         let Server {
             raw,
+            raw_quic,
             about,
             echo,
             sink,
             _platform,
         } = self;
         tokio::select! {
+            () = raw_quic.serve() => Ok(()),
             () = raw.serve(about.into()) => Ok(()),
             ended = answer(echo) => Err(Failure::environment(ended)),
             ended = take(&sink) => Err(Failure::environment(ended)),
         }
-    }
-}
-
-fn port_of(address: &fipa::Address) -> u16 {
-    match address {
-        fipa::Address::Tcp { port, .. } | fipa::Address::Http { port, .. } => *port,
-        _ => 0,
     }
 }
 

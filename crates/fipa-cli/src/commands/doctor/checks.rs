@@ -168,7 +168,9 @@ fn listens_on(facts: &Facts, interface: &InterfaceProbe) -> bool {
 /// Whether a transport address is one of this host.
 fn is_at(address: &str, ip: IpAddr) -> bool {
     match address.parse() {
-        Ok(fipa::Address::Tcp { host, .. }) => host.parse() == Ok(ip),
+        Ok(fipa::Address::Tcp { host, .. } | fipa::Address::Quic { host, .. }) => {
+            host.parse() == Ok(ip)
+        }
         _ => false,
     }
 }

@@ -15,6 +15,7 @@ fn announcement(n: u8, addresses: &[&str]) -> Heard {
         name: format!("robot {n}"),
         scope: "plant".to_owned(),
         version: "1".to_owned(),
+        quic: None,
         addresses: addresses
             .iter()
             .map(|address| address.parse().unwrap())

@@ -61,6 +61,7 @@ pub(crate) fn config(n: u8, endpoints: &[&str]) -> MdnsConfig {
             .iter()
             .map(|endpoint| endpoint.parse().unwrap())
             .collect(),
+        quic: None,
         interfaces: Vec::new(),
         agents: fipa_dsd::DEFAULT_AGENTS,
         port: 5353,
