@@ -15,7 +15,7 @@ use fipa_benches::relay::{self, Relay};
 
 /// Octets of a letter or piece, how many go in a round, and how many may be without a receipt.
 const LETTERS: [(usize, usize, usize); 3] = [
-    (256, 200_000, 16_384),
+    (256, 200_000, 8_192),
     (1 << 10, 100_000, 8_192),
     (1 << 20, 400, 16),
 ];

@@ -61,10 +61,33 @@ impl Head {
         }))
     }
 
+    /// The head at the beginning of a frame that was found whole before, and the octets of both.
+    pub(crate) fn read_again(octets: &[u8]) -> Option<(Head, usize)> {
+        let (&[l0, l1, l2, l3, kind], more) = octets.split_first_chunk::<PLAIN>()?;
+        let sum = match kind & MARK {
+            0 => None,
+            _ => Some(u32::from_be_bytes(*more.first_chunk()?)),
+        };
+        let head = Head {
+            kind: kind & !MARK,
+            size: if sum.is_some() { CHECKED } else { PLAIN },
+            length: u32::from_be_bytes([l0, l1, l2, l3]) as usize,
+            sum,
+        };
+        let frame = head.frame()?;
+        Some((head, frame))
+    }
+
     /// Octets of the frame with its head; `None`: the length is none that a frame has.
     pub(crate) fn frame(&self) -> Option<usize> {
         (self.length + 4 >= self.size).then_some(self.length + 4)
     }
+}
+
+/// Whether a body has this sum, if there is one.
+pub(crate) fn fits(sum: Option<u32>, body: &[u8]) -> Result<(), LinkError> {
+    let fits = sum.is_none_or(|sum| crc32fast::hash(body) == sum);
+    fits.then_some(()).ok_or(LinkError::Corrupt)
 }
 
 /// The sum of a body as it arrives, and what it is to be.

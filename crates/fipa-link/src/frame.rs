@@ -135,6 +135,9 @@ pub enum DirectoryItem {
 /// Octets up to which a part before the last is written together with the frame's head.
 const SMALL_PART: usize = 512;
 
+/// Octets of a letter up to which it is written together with the frame's head.
+pub(crate) const COPIED: usize = 4 << 10;
+
 const SOURCES: [Source; 4] = [Source::Local, Source::Mdns, Source::Peer, Source::Ams];
 const STATES: [State; 3] = [State::Alive, State::Suspect, State::Gone];
 
@@ -152,7 +155,11 @@ impl LetterFrame {
 impl Frame {
     const HELLO: u8 = 1;
 
-    const RECEIPT: u8 = 3;
+    /// The kind of a letter's frame.
+    pub(crate) const LETTER: u8 = 2;
+
+    /// The kind of the frame that tells what became of a letter.
+    pub(crate) const RECEIPT: u8 = 3;
 
     /// The kind of the frame that ends a link.
     pub(crate) const GOODBYE: u8 = 11;
@@ -186,6 +193,42 @@ impl Frame {
         check::finish(out, body, checked, &Parts::default());
     }
 
+    /// Appends a [`Frame::Receipt`] whose outcomes are written already.
+    pub(crate) fn encode_written_receipt(
+        id: u64,
+        outcomes: &[u8],
+        out: &mut BytesMut,
+        checked: bool,
+    ) {
+        let body = check::begin(out, Frame::RECEIPT, checked);
+        out.put_u64(id);
+        out.put_slice(outcomes);
+        check::finish(out, body, checked, &Parts::default());
+    }
+
+    /// Appends a [`Frame::Letter`] with something in front of the letter; what is returned follows.
+    pub(crate) fn encode_letter(
+        (id, ttl_millis): (u64, u32),
+        front: &[u8],
+        letter: &Bytes,
+        out: &mut BytesMut,
+        checked: bool,
+    ) -> Parts {
+        let body = check::begin(out, Frame::LETTER, checked);
+        out.put_u64(id);
+        out.put_u32(ttl_millis);
+        out.put_slice(front);
+        let letter = match letter.len() <= COPIED {
+            true => {
+                out.put_slice(letter);
+                Parts::default()
+            }
+            false => Parts::from(letter.clone()),
+        };
+        check::finish(out, body, checked, &letter);
+        letter
+    }
+
     /// Reads a frame from its kind and body. A letter shares the body's buffer.
     pub fn decode(kind: u8, body: Bytes) -> Result<Frame, FrameError> {
         if kind == Frame::HELLO {
@@ -193,7 +236,7 @@ impl Frame {
         }
         let mut r = Reader::new(body, name_of(kind));
         Ok(match kind {
-            2 => Frame::Letter(LetterFrame {
+            Frame::LETTER => Frame::Letter(LetterFrame {
                 id: r.u64()?,
                 ttl_millis: r.u32()?,
                 parts: r.rest().into(),
@@ -237,7 +280,7 @@ impl Frame {
     fn kind(&self) -> u8 {
         match self {
             Frame::Hello(_) => Frame::HELLO,
-            Frame::Letter(_) => 2,
+            Frame::Letter(_) => Frame::LETTER,
             Frame::Receipt { .. } => Frame::RECEIPT,
             Frame::Attach { .. } => 4,
             Frame::Detach { .. } => 5,
@@ -314,7 +357,7 @@ fn put_receipt(id: u64, outcomes: &[ReceiverOutcome], out: &mut BytesMut) {
 
 fn name_of(kind: u8) -> &'static str {
     match kind {
-        2 => "letter",
+        Frame::LETTER => "letter",
         Frame::RECEIPT => "receipt",
         4 => "attach",
         5 => "detach",

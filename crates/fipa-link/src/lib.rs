@@ -36,6 +36,7 @@ mod outcome;
 mod outgoing;
 mod parts;
 mod platforms;
+mod run;
 mod sniffed;
 mod wire;
 
@@ -44,9 +45,10 @@ pub use facts::{Facts, PeerFacts};
 pub use frame::{DirectoryFrame, DirectoryItem, Frame, LetterFrame};
 pub use hello::{Hello, Role};
 pub use link::{Event, Link, LinkConfig, LinkError};
-pub use outcome::{Outcome, Outcomes, ReceiverOutcome};
+pub use outcome::{Outcome, Outcomes, ReceiverOutcome, WrittenOutcomes};
 pub use parts::Parts;
 pub use platforms::KnownPlatform;
+pub use run::{Piece, Run};
 pub use sniffed::{Inside, Passed, Sniffed};
 pub use wire::FrameError;
 

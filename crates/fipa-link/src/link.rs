@@ -8,16 +8,16 @@ use crate::check::{Check, Head};
 use crate::incoming::Incoming;
 use crate::lanes::{Lanes, Reading};
 use crate::outgoing::Outgoing;
-use crate::{Frame, FrameError, Hello, LANES, LetterFrame, PREAMBLE, ReceiverOutcome, Role};
+use crate::run::Run;
+use crate::{
+    Frame, FrameError, Hello, LANES, LetterFrame, PREAMBLE, ReceiverOutcome, Role, WrittenOutcomes,
+};
 
 /// Octets of a frame beside the letter in it, at most.
 const FRAME_OVERHEAD: usize = 64 << 10;
 
 /// Octets of a frame that holds no letter, at most.
 const MAX_CONTROL_FRAME: usize = 4 << 20;
-
-/// The kind of a letter's frame.
-const LETTER: u8 = 2;
 
 /// What a link is made with.
 #[derive(Clone, Debug)]
@@ -191,6 +191,46 @@ impl Link {
         self.waits(Some(lane))
     }
 
+    /// Takes the whole frames of letters and receipts at the beginning of what was received, if
+    /// there are any: all else, and all that comes over a link with lanes, is for
+    /// [`receive`](Self::receive).
+    pub fn receive_run(&mut self, now: Now, received: &mut BytesMut) -> Option<Run> {
+        let at_rest = self.stage == Stage::Open && self.reading.incoming.is_none();
+        if !at_rest || self.silent || self.lanes.is_some() {
+            return None;
+        }
+        let mut octets = 0;
+        let mut has_letters = false;
+        while let Some(rest) = received.get(octets..)
+            && let Ok(Some(head)) = Head::read(rest)
+            && let Some(frame) = self.frame_in_run(&head)
+            && frame <= rest.len()
+        {
+            has_letters |= head.kind == Frame::LETTER;
+            octets += frame;
+        }
+        if octets == 0 {
+            return None;
+        }
+        self.last_heard = now.mono;
+        self.misses = 0;
+        if has_letters {
+            self.last_letter = Some(now.mono);
+        }
+        Some(Run::new(received.split_to(octets).freeze()))
+    }
+
+    /// Octets of a frame, if it is a letter or receipt as it should be.
+    fn frame_in_run(&self, head: &Head) -> Option<usize> {
+        let limit = match head.kind {
+            Frame::LETTER => self.letter_limit(),
+            Frame::RECEIPT => MAX_CONTROL_FRAME,
+            _ => return None,
+        };
+        let allowed = head.length <= limit && (head.sum.is_some() || !self.out.checked);
+        head.frame().filter(|_| allowed)
+    }
+
     /// Queues a frame.
     pub fn send(&mut self, now: Now, frame: Frame) {
         if matches!(frame, Frame::Letter(_)) {
@@ -230,6 +270,20 @@ impl Link {
         self.out.push_receipt(id, outcomes);
     }
 
+    /// Queues a [`Frame::Receipt`] whose outcomes are written already.
+    pub fn send_written_receipt(&mut self, now: Now, id: u64, outcomes: &WrittenOutcomes) {
+        self.last_sent = now.mono;
+        self.out.push_written_receipt(id, &outcomes.0);
+    }
+
+    /// Queues a [`Frame::Letter`] on a link without lanes: its number and milliseconds, and something
+    /// in front of the letter.
+    pub fn pass_letter(&mut self, now: Now, head: (u64, u32), front: &[u8], letter: &Bytes) {
+        self.last_letter = Some(now.mono);
+        self.last_sent = now.mono;
+        self.out.push_letter(head, front, letter);
+    }
+
     /// The next octets to write.
     pub fn poll_transmit(&mut self) -> Option<Bytes> {
         self.out.pop()
@@ -238,6 +292,11 @@ impl Link {
     /// The next octets to write on a lane.
     pub fn poll_transmit_on(&mut self, lane: usize) -> Option<Bytes> {
         self.lanes.as_mut()?.out.get_mut(lane)?.pop()
+    }
+
+    /// Whether letters of each urgency go on a stream of their own.
+    pub fn has_lanes(&self) -> bool {
+        self.lanes.is_some()
     }
 
     /// Octets that wait to be written.
@@ -313,6 +372,13 @@ impl Link {
         }
     }
 
+    /// Octets of the largest frame of a letter.
+    fn letter_limit(&self) -> usize {
+        usize::try_from(self.config.hello.max_letter)
+            .unwrap_or(usize::MAX)
+            .saturating_add(FRAME_OVERHEAD)
+    }
+
     /// Notes that something has come; whether the partner was silent before.
     fn hears(&mut self, now: Now, received: &BytesMut) -> bool {
         if received.is_empty() {
@@ -383,15 +449,10 @@ impl Link {
         if self.out.checked && head.sum.is_none() && kind != Frame::GOODBYE {
             return Err(LinkError::Corrupt);
         }
-        let letter_limit = || {
-            usize::try_from(self.config.hello.max_letter)
-                .unwrap_or(usize::MAX)
-                .saturating_add(FRAME_OVERHEAD)
-        };
         let limit = match kind {
-            LETTER => letter_limit(),
+            Frame::LETTER => self.letter_limit(),
             // Only a program watches, and is told of letters.
-            Frame::SNIFFED if self.config.hello.role == Role::Program => letter_limit(),
+            Frame::SNIFFED if self.config.hello.role == Role::Program => self.letter_limit(),
             _ => MAX_CONTROL_FRAME,
         };
         let Some(octets) = head.frame().filter(|_| length <= limit) else {
@@ -399,7 +460,7 @@ impl Link {
         };
         if received.len() < octets {
             // Its sender keeps the heartbeat of letters; so do we while it is on its way.
-            if kind == LETTER && self.stage == Stage::Open {
+            if kind == Frame::LETTER && self.stage == Stage::Open {
                 self.last_letter = Some(now.mono);
                 self.reading(lane).incoming = Incoming::begin(&head, octets, received);
             }

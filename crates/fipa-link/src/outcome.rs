@@ -1,10 +1,10 @@
 use std::fmt;
 use std::ops::Deref;
 
-use bytes::{BufMut, BytesMut};
+use bytes::{BufMut, Bytes, BytesMut};
 use fipa_acl::Text;
 
-use crate::wire::{FrameError, Reader, put_text};
+use crate::wire::{FrameError, Reader, put_list, put_text};
 
 /// What became of a letter for one receiver, as far as was seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -140,6 +140,19 @@ impl FromIterator<ReceiverOutcome> for Outcomes {
         let mut all = Outcomes::default();
         outcomes.into_iter().for_each(|outcome| all.push(outcome));
         all
+    }
+}
+
+/// Outcomes as they stand in receipts: for who gives the same one again and again.
+#[derive(Clone, Debug)]
+pub struct WrittenOutcomes(pub(crate) Bytes);
+
+impl WrittenOutcomes {
+    /// These outcomes.
+    pub fn new(outcomes: &[ReceiverOutcome]) -> WrittenOutcomes {
+        let mut out = BytesMut::new();
+        put_list(&mut out, outcomes, ReceiverOutcome::put);
+        WrittenOutcomes(out.freeze())
     }
 }
 

@@ -4,12 +4,13 @@ use std::collections::VecDeque;
 
 use bytes::{Bytes, BytesMut};
 
-use crate::{Frame, ReceiverOutcome};
+use crate::frame::COPIED;
+use crate::{Frame, Parts, ReceiverOutcome};
 
-/// Octets of the buffer in which frames and the heads of letters are written: of a link at rest,
-/// and of one that is at work.
+/// Octets of the buffer in which frames and small letters are written: of a link at rest, and of one
+/// that is at work.
 const SMALL: usize = 1 << 10;
-const WIDE: usize = 16 << 10;
+const WIDE: usize = 64 << 10;
 
 /// Octets of the buffer for a heartbeat, which is all that most links write most of the time.
 const HEARTBEAT: usize = 32;
@@ -34,21 +35,39 @@ pub(crate) struct Outgoing {
 
 impl Outgoing {
     pub(crate) fn push_octets(&mut self, octets: &[u8]) {
-        self.make_room();
+        self.make_room(FRAME);
         self.tail.extend_from_slice(octets);
         self.octets += octets.len();
     }
 
     pub(crate) fn push(&mut self, frame: Frame) {
-        self.make_room();
+        self.make_room(FRAME);
         let before = self.tail.len();
         let letter = frame.encode_as(&mut self.tail, self.checked);
+        self.pushed(before, letter);
+    }
+
+    /// A letter with something in front of it.
+    pub(crate) fn push_letter(&mut self, head: (u64, u32), front: &[u8], letter: &Bytes) {
+        let copied = if letter.len() <= COPIED {
+            letter.len()
+        } else {
+            0
+        };
+        self.make_room(FRAME + front.len() + copied);
+        let before = self.tail.len();
+        let letter = Frame::encode_letter(head, front, letter, &mut self.tail, self.checked);
+        self.pushed(before, letter);
+    }
+
+    /// Counts what was written behind those octets, and puts the parts behind it that follow.
+    fn pushed(&mut self, before: usize, parts: Parts) {
         self.octets += self.tail.len() - before;
         self.wide |= self.tail.len() > SMALL;
-        let octets = letter.octets();
+        let octets = parts.octets();
         if octets > 0 {
             self.parts.push_back(self.tail.split().freeze());
-            self.parts.extend(letter);
+            self.parts.extend(parts);
             self.octets += octets;
         }
     }
@@ -64,9 +83,16 @@ impl Outgoing {
     }
 
     pub(crate) fn push_receipt(&mut self, id: u64, outcomes: &[ReceiverOutcome]) {
-        self.make_room();
+        self.make_room(FRAME);
         let before = self.tail.len();
         Frame::encode_receipt(id, outcomes, &mut self.tail, self.checked);
+        self.octets += self.tail.len() - before;
+    }
+
+    pub(crate) fn push_written_receipt(&mut self, id: u64, outcomes: &[u8]) {
+        self.make_room(FRAME + outcomes.len());
+        let before = self.tail.len();
+        Frame::encode_written_receipt(id, outcomes, &mut self.tail, self.checked);
         self.octets += self.tail.len() - before;
     }
 
@@ -91,15 +117,16 @@ impl Outgoing {
 
     /// A buffer whose parts are all written is used again; else the next one is larger the more
     /// there is to do.
-    fn make_room(&mut self) {
-        if self.tail.try_reclaim(FRAME) {
+    fn make_room(&mut self, room: usize) {
+        if self.tail.try_reclaim(room) {
             return;
         }
         if !self.tail.is_empty() {
             self.parts.push_back(self.tail.split().freeze());
         }
         self.wide = self.octets > SMALL;
-        self.tail = BytesMut::with_capacity(if self.wide { WIDE } else { SMALL });
+        let usual = if self.wide { WIDE } else { SMALL };
+        self.tail = BytesMut::with_capacity(usual.max(room));
     }
 
     /// A link without work keeps next to nothing.

@@ -65,6 +65,11 @@ impl Handle {
         self.lock().wish
     }
 
+    /// Whether something was asked that is not done yet.
+    pub(crate) fn is_asked(&self) -> bool {
+        self.lock().transmit
+    }
+
     /// Ready once for all that was asked since the last time.
     pub(crate) fn poll_asked(&self, cx: &mut Context<'_>) -> Poll<()> {
         let mut asked = self.lock();

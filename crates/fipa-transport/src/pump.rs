@@ -19,6 +19,11 @@ use crate::{Buffers, Handle, Stream};
 pub trait Driver: Send + Sync + 'static {
     /// Octets were read; what cannot be used yet is left in the buffer.
     fn received(&self, octets: &mut BytesMut);
+    /// Whether somebody in this process was woken by what was received last, who may have more to
+    /// say: that goes out together with what waits.
+    fn gives_way(&self) -> bool {
+        false
+    }
     /// The next octets to write, and whether there may be more after these.
     fn transmit(&self, parts: &mut VecDeque<Bytes>) -> bool;
     /// The connection has ended; nothing follows. `all_written`: the system took everything that
@@ -76,10 +81,14 @@ const PARTS: usize = 256;
 /// Parts for which an idle connection keeps room.
 const IDLE_PARTS: usize = 32;
 
+/// Turns that who was woken has before what waits goes out without more.
+const TURNS: usize = 2;
+
 /// Moves octets between a stream and its driver until one of them ends it.
 ///
 /// In one turn a connection reads once, at most a buffer full, and writes what its driver gives at
-/// once; then the others have theirs.
+/// once; then the others have theirs. Where the runtime ends before that, what the socket takes at
+/// once is still written.
 pub async fn pump(stream: Stream, handle: Arc<Handle>, buffers: Arc<Buffers>, driver: impl Driver) {
     match stream.0 {
         Kind::Plain(stream) => pump_plain(stream, handle, buffers, driver).await,
@@ -94,14 +103,20 @@ pub async fn pump(stream: Stream, handle: Arc<Handle>, buffers: Arc<Buffers>, dr
 }
 
 async fn pump_plain(
-    mut stream: Plain,
+    stream: Plain,
     handle: Arc<Handle>,
     buffers: Arc<Buffers>,
     driver: impl Driver,
 ) {
-    let mut output = Outgoing::default();
-    let result = run(&mut stream, &handle, &buffers, &driver, &mut output).await;
-    finish(result, output.all_written, &driver);
+    let mut pumped = Pumped {
+        stream,
+        driver,
+        output: Outgoing::default(),
+        over: false,
+    };
+    let result = pumped.run(&handle, &buffers).await;
+    pumped.over = true;
+    finish(result, pumped.output.all_written, &pumped.driver);
 }
 
 /// Tells how a connection ended.
@@ -114,48 +129,79 @@ pub(crate) fn finish(result: io::Result<()>, all_written: bool, driver: &impl Dr
     driver.closed(&end, all_written);
 }
 
-async fn run(
-    stream: &mut Plain,
-    handle: &Handle,
-    buffers: &Buffers,
-    driver: &impl Driver,
-    output: &mut Outgoing,
-) -> io::Result<()> {
-    let mut rest = BytesMut::new();
-    let mut linger = None;
-    loop {
-        if handle.wish() == Wish::Abort {
-            return stream.abort();
+/// A connection that is being run.
+struct Pumped<D: Driver> {
+    stream: Plain,
+    driver: D,
+    output: Outgoing,
+    over: bool,
+}
+
+impl<D: Driver> Drop for Pumped<D> {
+    fn drop(&mut self) {
+        if !self.over {
+            // Nobody is left to be told of an error.
+            let _ = self.output.send(&mut self.stream, &self.driver);
         }
-        let blocked = match output.send(stream, driver)? {
-            Sent::All => false,
-            Sent::Blocked => true,
-            Sent::Some => {
-                // Nobody wakes us for what the driver still has.
-                tokio::task::yield_now().await;
-                continue;
+    }
+}
+
+impl<D: Driver> Pumped<D> {
+    async fn run(&mut self, handle: &Handle, buffers: &Buffers) -> io::Result<()> {
+        let Pumped {
+            stream,
+            driver,
+            output,
+            ..
+        } = self;
+        let mut rest = BytesMut::new();
+        let mut linger = None;
+        loop {
+            if handle.wish() == Wish::Abort {
+                return stream.abort();
             }
-        };
-        let wish = handle.wish();
-        if wish != Wish::None && !blocked {
-            return stream.end_writing();
-        }
-        if wish == Wish::Close {
-            linger.get_or_insert_with(|| Box::pin(tokio::time::sleep(LINGER)));
-        }
-        match poll_fn(|cx| poll_turn(cx, stream, handle, blocked, &mut linger)).await? {
-            Turn::Write => {}
-            Turn::Over => return Ok(()),
-            Turn::Read => {
-                let mut reading =
-                    |cx: &mut Context<'_>| read(cx, stream, buffers, &mut rest, driver);
-                let full = poll_fn(|cx| Poll::Ready(reading(cx))).await?;
-                if full {
-                    // Receipts go out first: whoever has the letter now may end the program.
-                    output.send(stream, driver)?;
+            let blocked = match output.send(stream, driver)? {
+                Sent::All => false,
+                Sent::Blocked => true,
+                Sent::Some => {
+                    // Nobody wakes us for what the driver still has.
                     tokio::task::yield_now().await;
+                    continue;
+                }
+            };
+            let wish = handle.wish();
+            if wish != Wish::None && !blocked {
+                return stream.end_writing();
+            }
+            if wish == Wish::Close {
+                linger.get_or_insert_with(|| Box::pin(tokio::time::sleep(LINGER)));
+            }
+            match poll_fn(|cx| poll_turn(cx, stream, handle, blocked, &mut linger)).await? {
+                Turn::Write => {}
+                Turn::Over => return Ok(()),
+                Turn::Read => {
+                    let mut reading =
+                        |cx: &mut Context<'_>| read(cx, stream, buffers, &mut rest, driver);
+                    let full = poll_fn(|cx| Poll::Ready(reading(cx))).await?;
+                    if full {
+                        // Receipts go out first: whoever has the letter now may end the program.
+                        output.send(stream, driver)?;
+                        tokio::task::yield_now().await;
+                    } else if driver.gives_way() {
+                        give_way(handle).await;
+                    }
                 }
             }
+        }
+    }
+}
+
+/// Lets those who were woken have their turn, and the tasks that they start.
+async fn give_way(handle: &Handle) {
+    for _ in 0..TURNS {
+        tokio::task::yield_now().await;
+        if handle.is_asked() {
+            return;
         }
     }
 }

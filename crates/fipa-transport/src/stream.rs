@@ -10,9 +10,6 @@ use tokio::net::TcpStream;
 
 use crate::unix::UnixStream;
 
-/// Octets that are read at once from a Unix socket: they are zeroed before.
-const UNIX_ROOM: usize = 32 << 10;
-
 /// An open stream, whatever carries it.
 #[derive(Debug)]
 pub struct Stream(pub(crate) Kind);
@@ -205,7 +202,8 @@ impl Plain {
             #[cfg(feature = "tls")]
             Plain::Tls(stream) => return stream.poll_read(cx, buffer),
             Plain::Unix(stream) => {
-                room = room.min(UNIX_ROOM);
+                // Zeroed before they are read.
+                room = room.min(stream.usual());
                 buffer.resize(before + room, 0);
                 let read = stream.poll_read(cx, &mut buffer[before..]);
                 let octets = match &read {

@@ -53,8 +53,13 @@ pub(crate) fn stream(stream: tokio::net::UnixStream) -> io::Result<Stream> {
     Ok(Stream::plain(Plain::Unix(UnixStream {
         stream: watched(stream, Interest::READABLE)?,
         refused: None,
+        usual: FEW,
     })))
 }
+
+/// Octets that are read at once, at least and at most.
+const FEW: usize = 4 << 10;
+const MANY: usize = 32 << 10;
 
 /// A Unix socket that is asked whether it can be written to only after it refused.
 ///
@@ -65,6 +70,8 @@ pub(crate) struct UnixStream {
     stream: AsyncFd<Socket>,
     /// Another descriptor of the same socket, as long as nothing can be written.
     refused: Option<AsyncFd<Socket>>,
+    /// Octets that it is worth while to have room for.
+    usual: usize,
 }
 
 type Socket = std::os::unix::net::UnixStream;
@@ -96,8 +103,14 @@ impl UnixStream {
         ready
     }
 
+    /// Octets for which there is to be room at the next reading: more if the last one filled what
+    /// there was, fewer if it left most of it.
+    pub(crate) fn usual(&self) -> usize {
+        self.usual
+    }
+
     pub(crate) fn poll_read(
-        &self,
+        &mut self,
         cx: &mut Context<'_>,
         room: &mut [u8],
     ) -> Poll<io::Result<usize>> {
@@ -106,8 +119,15 @@ impl UnixStream {
             let Ok(octets) = ready.try_io(|socket| socket.get_ref().read(room)) else {
                 continue;
             };
-            if octets.as_ref().is_ok_and(|octets| *octets < room.len()) {
-                ready.clear_ready();
+            if let Ok(octets) = octets {
+                self.usual = match octets {
+                    _ if octets == room.len() => (self.usual * 2).min(MANY),
+                    _ if octets < self.usual / 4 => (self.usual - self.usual / 8).max(FEW),
+                    _ => self.usual,
+                };
+                if octets < room.len() {
+                    ready.clear_ready();
+                }
             }
             return Poll::Ready(octets);
         }

@@ -1,7 +1,7 @@
 //! What a driver gives arrives, however it gives it.
 
 use std::collections::VecDeque;
-use std::io::{ErrorKind, Read};
+use std::io::{ErrorKind, Read, Write};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -190,4 +190,57 @@ async fn what_a_socket_refuses_is_written_once_the_partner_reads() {
         let arrived = tokio::time::timeout(Duration::from_secs(20), all).await;
         assert!(arrived.is_ok(), "{address}");
     }
+}
+
+/// Answers whatever comes, together with what others say to it.
+struct Answering {
+    heard: Arc<tokio::sync::Notify>,
+    answer: Mutex<VecDeque<Bytes>>,
+}
+
+impl Driver for Answering {
+    fn received(&self, octets: &mut BytesMut) {
+        octets.clear();
+        let answer = Bytes::from_static(b"receipt");
+        self.answer.lock().unwrap().push_back(answer);
+        self.heard.notify_one();
+    }
+
+    fn gives_way(&self) -> bool {
+        true
+    }
+
+    fn transmit(&self, parts: &mut VecDeque<Bytes>) -> bool {
+        parts.append(&mut self.answer.lock().unwrap());
+        false
+    }
+
+    fn closed(&self, _end: &End, _all_written: bool) {}
+}
+
+#[test]
+fn what_waits_when_the_runtime_ends_is_written() {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
+    let mut partner = runtime.block_on(async {
+        let (stream, _) = dial(&[Address::tcp("127.0.0.1", port)]).await.unwrap();
+        let heard = Arc::new(tokio::sync::Notify::new());
+        let answering = Answering {
+            heard: Arc::clone(&heard),
+            answer: Mutex::default(),
+        };
+        tokio::spawn(pump(stream, Arc::default(), Arc::default(), answering));
+        let (mut partner, _) = listener.accept().unwrap();
+        partner.write_all(b"letter").unwrap();
+        heard.notified().await;
+        partner
+    });
+    drop(runtime);
+    let mut answer = Vec::new();
+    partner.read_to_end(&mut answer).unwrap();
+    assert_eq!(answer, b"receipt");
 }

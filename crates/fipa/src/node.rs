@@ -2,6 +2,7 @@
 //! over a wait.
 
 use std::collections::{HashMap, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
@@ -75,6 +76,8 @@ pub(crate) struct Hub {
     verify: Option<mpsc::UnboundedSender<Announced>>,
     talks: Vec<Weak<Talk>>,
     tap: Option<Tap>,
+    /// Somebody who waited for mail was woken.
+    woken: bool,
     ended: bool,
 }
 
@@ -373,6 +376,7 @@ impl<M: Machine + Send + 'static> Node<M> {
         let driver = Connection {
             node: Arc::clone(self),
             conn,
+            woken: AtomicBool::new(false),
         };
         let buffers = Arc::clone(&self.buffers);
         self.runtime
@@ -577,6 +581,7 @@ fn tell(hub: &mut Hub, output: Output) {
         Output::Mail(name) => {
             if let Some(notify) = hub.mail.get(&name) {
                 notify.notify_waiters();
+                hub.woken = true;
             }
         }
         Output::Directory(change) => {
@@ -665,6 +670,8 @@ async fn run_timers<M: Machine + Send + 'static>(node: Weak<Node<M>>, timer: Arc
 struct Connection<M> {
     node: Arc<Node<M>>,
     conn: ConnId,
+    /// What was received last has woken an agent.
+    woken: AtomicBool,
 }
 
 /// Octets that are handed to the socket in one go.
@@ -701,7 +708,14 @@ impl<M: Machine + Send + 'static> Driver for Connection<M> {
         let mut state = self.node.lock();
         let now = self.node.clock.now();
         state.machine.received(now, self.conn, octets);
+        state.hub.woken = false;
         self.node.act(&mut state, Some(self.conn));
+        self.woken.store(state.hub.woken, Ordering::Relaxed);
+    }
+
+    /// The receipt for a letter goes out together with the answer, if its agent gives one at once.
+    fn gives_way(&self) -> bool {
+        self.woken.load(Ordering::Relaxed)
     }
 
     fn transmit(&self, parts: &mut VecDeque<Bytes>) -> bool {

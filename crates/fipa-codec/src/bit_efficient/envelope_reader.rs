@@ -96,7 +96,7 @@ impl Reader<'_> {
         }
     }
 
-    fn slot(&mut self, code: u8, slots: &mut Slots) -> Result<(), DecodeError> {
+    pub(super) fn slot(&mut self, code: u8, slots: &mut Slots) -> Result<(), DecodeError> {
         match code {
             0x00 => slots.user_defined.push(self.user_text()?),
             0x02 => self.agents(Notation::Envelope, &mut slots.to)?,
@@ -134,7 +134,7 @@ impl Reader<'_> {
     }
 
     /// ACLRepresentation.
-    fn representation(&mut self) -> Result<Representation, DecodeError> {
+    pub(super) fn representation(&mut self) -> Result<Representation, DecodeError> {
         match self.octet()? {
             0x00 => self.null_terminated().map(Representation::from),
             0x10 => Ok(Representation::BitEfficient),
@@ -166,7 +166,7 @@ impl Reader<'_> {
         }
     }
 
-    fn user_text(&mut self) -> Result<(Text, Text), DecodeError> {
+    pub(super) fn user_text(&mut self) -> Result<(Text, Text), DecodeError> {
         self.count_item()?;
         let name = self.null_terminated()?;
         let value = self.null_terminated()?;
@@ -185,7 +185,7 @@ impl Reader<'_> {
 
     /// The grammar has bare Digits, the notes a code in front of them. No length has a leading
     /// zero, so an octet that can be the code is it.
-    fn payload_length(&mut self) -> Result<u64, DecodeError> {
+    pub(super) fn payload_length(&mut self) -> Result<u64, DecodeError> {
         if matches!(self.peek()?, 0x12 | 0x13) {
             self.octet()?;
         }

@@ -19,6 +19,7 @@ mod options;
 mod overlay;
 mod reader;
 mod scan;
+mod shape;
 mod texts;
 mod times;
 mod with_table;
@@ -31,6 +32,7 @@ pub use self::code_table::{CodeTable, InvalidTableSize};
 pub(crate) use self::options::{Newest, WriteOptions};
 pub use self::overlay::{InsertError, insert_overlay_as};
 use self::reader::Reader;
+pub use self::shape::EnvelopeShape;
 pub use self::with_table::{decode_message_prefix_with, decode_message_with, encode_message_with};
 use crate::{DecodeError, Dialect, EncodeError, Limits, Output, letter};
 

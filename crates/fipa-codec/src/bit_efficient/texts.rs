@@ -59,7 +59,12 @@ impl<'a> From<&'a [u8]> for Found<'a> {
     }
 }
 
-impl Found<'_> {
+impl<'a> Found<'a> {
+    /// The octets of the text, if none of them stands for another.
+    pub(super) fn as_it_stands(&self) -> Option<&'a [u8]> {
+        (self.shape == Shape::Plain).then_some(self.octets)
+    }
+
     /// Whether there are no octets; not for what is in the code table.
     pub(super) fn is_empty(&self) -> bool {
         self.octets.is_empty()

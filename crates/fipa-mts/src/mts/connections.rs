@@ -11,6 +11,8 @@ use fipa_link::{Event, Frame, Hello, LetterFrame, Link, LinkConfig, ReceiverOutc
 use super::call_backs::Asker;
 use super::dialling::Purpose;
 use super::fleet::{FLEET, NAME};
+use super::passing::Ways;
+use super::peers::{MAX_OUTSTANDING, WINDOW};
 use super::sync::Unfinished;
 use super::{Mts, Timer};
 use crate::Urgency;
@@ -63,6 +65,11 @@ pub(super) struct Conn {
     pub(super) partner: Partner,
     /// Letters that went out on it and wait for their receipts.
     pub(super) outstanding: Outstanding,
+    /// How many more of them pass.
+    pub(super) passing: usize,
+    /// The ways of those that come over it.
+    pub(super) ways: Ways,
+    touched: Touched,
     /// No new letters go out on it; it closes once it has nothing outstanding.
     pub(super) retired: bool,
     /// We have said that it is the only link while another one was being greeted, which the partner
@@ -110,7 +117,65 @@ pub(super) enum Partner {
     },
 }
 
+/// Whether something was done on a connection that is to be told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Touched {
+    No,
+    Written,
+    /// Receipts came: there may be room.
+    Freed,
+}
+
 impl Conn {
+    /// Whether we have not closed it.
+    pub(super) fn is_whole(&self) -> bool {
+        self.parted.is_none()
+    }
+
+    /// Whether enough is under way to a peer for a letter of this urgency to wait.
+    pub(super) fn is_busy(&self, urgency: Urgency) -> bool {
+        let outstanding = self.outstanding.len() + self.passing;
+        self.link.queued_on(urgency.number()) >= WINDOW || outstanding >= MAX_OUTSTANDING
+    }
+
+    /// Whether a letter of so many octets may be written where so many may wait to be written.
+    pub(super) fn takes(&self, octets: usize, max_octets: usize) -> bool {
+        match self.partner {
+            Partner::Unknown => false,
+            Partner::Program { max_letter, .. } | Partner::Daemon { max_letter, .. } => {
+                octets as u64 <= max_letter && self.link.queued() <= max_octets
+            }
+        }
+    }
+
+    /// Whether it is to be written now; to a program it always is.
+    pub(super) fn has_room(&mut self) -> bool {
+        if let Partner::Program { .. } = self.partner {
+            return true;
+        }
+        // Letters pass between links without lanes only: none waits on one of its own.
+        self.starved = self.is_busy(Urgency::default());
+        !self.starved
+    }
+
+    /// Notes that something was written, or that a receipt came.
+    pub(super) fn touch(&mut self, all: &mut Vec<ConnId>, conn: ConnId, freed: bool) {
+        let touched = if freed {
+            Touched::Freed
+        } else {
+            Touched::Written
+        };
+        if self.touched == Touched::No {
+            all.push(conn);
+        }
+        self.touched = self.touched.max(touched);
+    }
+
+    /// Whether receipts came since this was asked last.
+    pub(super) fn take_touch(&mut self) -> bool {
+        std::mem::replace(&mut self.touched, Touched::No) == Touched::Freed
+    }
+
     pub(super) fn poll_transmit(&mut self) -> Option<Bytes> {
         let part = self.link.poll_transmit();
         if part.is_none() {
@@ -211,6 +276,9 @@ impl Mts {
                 identity,
                 partner: Partner::Unknown,
                 outstanding: Outstanding::default(),
+                passing: 0,
+                ways: Ways::default(),
+                touched: Touched::No,
                 retired: false,
                 claimed: false,
                 unfinished: None,
@@ -233,6 +301,12 @@ impl Mts {
                 return;
             };
             open.mute &= octets.is_empty();
+            if let Some(run) = open.link.receive_run(now, octets) {
+                match self.read_run(now, conn, run) {
+                    Ok(()) => continue,
+                    Err(error) => return self.give_up(now, conn, &error.to_string()),
+                }
+            }
             match open.link.receive(now, octets) {
                 Ok(None) => break,
                 Ok(Some(event)) => self.on_event(now, conn, event),
@@ -343,7 +417,7 @@ impl Mts {
         }
     }
 
-    fn was_queued(&mut self, conn: ConnId) {
+    pub(super) fn was_queued(&mut self, conn: ConnId) {
         let Some(open) = self.conns.get_mut(&conn) else {
             return;
         };
@@ -380,9 +454,13 @@ impl Mts {
 
     /// Forgets a connection that has ended, and does what follows from that.
     pub(super) fn drop_conn(&mut self, now: Now, conn: ConnId, reason: &str) {
-        let Some(closed) = self.conns.remove(&conn) else {
+        let Some(mut closed) = self.conns.remove(&conn) else {
             return;
         };
+        if closed.passing > 0 {
+            let unfolded = self.unfold_all(|_, sent| sent == Some(conn));
+            closed.outstanding.extend(unfolded);
+        }
         // Which link stays is settled once one of them has ended.
         self.conns
             .values_mut()
@@ -529,7 +607,7 @@ impl Mts {
         }
     }
 
-    fn on_frame(&mut self, now: Now, conn: ConnId, frame: Frame) {
+    pub(super) fn on_frame(&mut self, now: Now, conn: ConnId, frame: Frame) {
         let Some(open) = self.conns.get_mut(&conn) else {
             return;
         };

@@ -13,7 +13,17 @@ const FEW: usize = 1024;
 
 /// Deadlines, the next one first, and the letters that they are of.
 #[derive(Debug, Default)]
-pub(super) struct Deadlines(BinaryHeap<Reverse<(Duration, u64)>>);
+pub(super) struct Deadlines {
+    noted: BinaryHeap<Reverse<Noted>>,
+    /// What was noted last, to which more letters may be added.
+    last: Option<Noted>,
+}
+
+/// When letters are to be looked at: from this number to that one, as far as they are open.
+type Noted = (Duration, u64, u64);
+
+/// How far apart the numbers of letters are that came together.
+const STEP: u64 = 2;
 
 impl Deadlines {
     /// Notes a deadline. `is_open`: whether a letter still has this one; so many have any.
@@ -24,15 +34,29 @@ impl Deadlines {
         open: usize,
         is_open: impl Fn(Duration, u64) -> bool,
     ) {
-        if self.0.len() > 2 * open + FEW {
-            self.0.retain(|Reverse((at, id))| is_open(*at, *id));
+        if let Some((same, _, to)) = &mut self.last
+            && *same == at
+            && id.checked_sub(*to).is_some_and(|apart| apart <= STEP)
+        {
+            *to = id;
+            return;
         }
-        self.0.push(Reverse((at, id)));
+        if self.noted.len() > 2 * open + FEW {
+            self.noted
+                .retain(|Reverse((at, from, to))| (*from..=*to).any(|id| is_open(*at, id)));
+        }
+        self.noted
+            .extend(self.last.replace((at, id, id)).map(Reverse));
     }
 
     /// The next deadline; perhaps that of a letter that has ended.
     pub(super) fn next(&self) -> Option<Duration> {
-        self.0.peek().map(|Reverse((at, _))| *at)
+        let first = self.noted.peek().map(|Reverse(noted)| noted);
+        first
+            .into_iter()
+            .chain(&self.last)
+            .map(|noted| noted.0)
+            .min()
     }
 
     /// Takes out the next deadline that has come. Those of letters that have ended go, up to the
@@ -42,15 +66,19 @@ impl Deadlines {
         now: Duration,
         is_open: impl Fn(Duration, u64) -> bool,
     ) -> Option<u64> {
-        while let Some(Reverse((at, id))) = self.0.peek().copied() {
-            let open = is_open(at, id);
-            if open && at > now {
+        self.noted.extend(self.last.take().map(Reverse));
+        while let Some(Reverse((at, from, to))) = self.noted.pop() {
+            let Some(id) = (from..=to).find(|id| is_open(at, *id)) else {
+                continue;
+            };
+            if at > now {
+                self.noted.push(Reverse((at, id, to)));
                 return None;
             }
-            self.0.pop();
-            if open {
-                return Some(id);
+            if id < to {
+                self.noted.push(Reverse((at, id + 1, to)));
             }
+            return Some(id);
         }
         None
     }
@@ -80,12 +108,28 @@ mod tests {
     }
 
     #[test]
+    fn letters_that_came_together_are_noted_once_and_each_comes() {
+        let mut deadlines = Deadlines::default();
+        for id in (2..=200).step_by(2) {
+            deadlines.note(secs(5), id, 100, |_, _| true);
+        }
+        deadlines.note(secs(4), 202, 101, |_, _| true);
+        deadlines.note(secs(5), 204, 102, |_, _| true);
+        assert_eq!(deadlines.noted.len(), 2);
+        assert_eq!(deadlines.next(), Some(secs(4)));
+        let is_open = |_, id| id % 4 == 0 || id == 202;
+        let due = std::iter::from_fn(|| deadlines.take_due(secs(9), is_open));
+        let expected: Vec<u64> = std::iter::once(202).chain((4..=204).step_by(4)).collect();
+        assert_eq!(due.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
     fn what_has_ended_is_not_kept_until_its_time() {
         let mut deadlines = Deadlines::default();
         for id in 0..100_000 {
             let is_open = |_, noted| noted + 10 >= id;
             deadlines.note(secs(10 + id), id, 10, is_open);
-            assert!(deadlines.0.len() <= 2 * 10 + FEW + 1);
+            assert!(deadlines.noted.len() <= 2 * 10 + FEW + 1);
         }
         assert_eq!(
             deadlines.take_due(secs(1 << 20), |_, id| id == 99_990),

@@ -1,12 +1,13 @@
 //! Letters under way: what waits, what was sent, and what became of each.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
 use fipa_acl::Text;
 use fipa_directory::{InstanceId, Now};
 use fipa_link::{LetterFrame, Outcome, Outcomes, ReceiverOutcome};
-use smallvec::SmallVec;
+use smallvec::{SmallVec, smallvec};
 
 use super::Mts;
 use super::connections::Partner;
@@ -61,7 +62,7 @@ pub(super) struct Pending {
 
 /// A receiver of a letter, and what became of its copy.
 #[derive(Debug)]
-struct Receiver {
+pub(super) struct Receiver {
     name: Text,
     told: Option<ReceiverOutcome>,
 }
@@ -73,7 +74,7 @@ pub(super) struct Delivery {
     pub(super) slot: usize,
     pub(super) target: Target,
     /// The connection it went out on; `None` while it waits.
-    sent: Option<ConnId>,
+    pub(super) sent: Option<ConnId>,
     pub(super) parts: Pieces,
     /// What is needed where it may go to a service of another make.
     pub(super) foreign: Option<Box<Foreign>>,
@@ -104,6 +105,17 @@ pub(super) enum Target {
     Full,
     /// Nowhere yet: the receiver's robot is away.
     Away,
+}
+
+impl Pending {
+    /// A letter with one receiver, of which nothing is known yet.
+    pub(super) fn of_one(origin: Origin, name: Text) -> Pending {
+        Pending {
+            origin,
+            receivers: smallvec![Receiver { name, told: None }],
+            open: 1,
+        }
+    }
 }
 
 impl Delivery {
@@ -188,8 +200,8 @@ impl Mts {
     /// it is known.
     fn answered_before(&mut self, now: Now, instance: InstanceId, conn: ConnId, id: u64) -> bool {
         let seen = self.seen.get(&instance).and_then(|seen| seen.get(id));
-        match seen.cloned() {
-            None => false,
+        match seen.cloned().map(|seen| self.unfolded(seen)) {
+            None | Some(SeenLetter::Passing(_)) => false,
             Some(SeenLetter::Done(outcomes)) => {
                 self.send_receipt(now, conn, id, &outcomes);
                 true
@@ -320,8 +332,9 @@ impl Mts {
                 late,
             } => {
                 self.send_receipt(now, conn, id, &outcomes);
+                let outcomes = Arc::new(outcomes);
                 if let Some(late) = late {
-                    self.late.set(late, SeenLetter::Done(outcomes.clone()));
+                    self.late.set(late, SeenLetter::Done(Arc::clone(&outcomes)));
                 }
                 if let Some(seen) = self.seen.get_mut(&instance) {
                     seen.set(id, SeenLetter::Done(outcomes));
@@ -452,6 +465,7 @@ impl Mts {
 
     /// The receipt for a letter that went out on a connection.
     pub(super) fn receipt(&mut self, now: Now, conn: ConnId, id: u64, outcomes: Outcomes) {
+        self.unfold(id);
         let delivery = self.deliveries.get(&id);
         let delivery = delivery.filter(|delivery| delivery.sent == Some(conn));
         let has_left = |told: &ReceiverOutcome| {
@@ -537,7 +551,7 @@ impl Mts {
         if let (Target::Peer(instance), None) = (ended.target, ended.sent)
             && let Some(peer) = self.peers.get_mut(instance)
         {
-            peer.waiting.remove(id);
+            peer.waiting.remove(ended.urgency, &ended.sender, id);
         }
         if self.backlog.is_empty() {
             return;
@@ -567,6 +581,7 @@ impl Mts {
     }
 
     pub(super) fn delivery_timeout(&mut self, now: Now, id: u64) {
+        self.unfold(id);
         let deadline = self.deliveries.get(&id).map(|delivery| delivery.deadline);
         if deadline.is_some_and(|deadline| now.mono < deadline) {
             self.look_ahead(now, id);
@@ -613,7 +628,7 @@ impl Mts {
 }
 
 /// The next hop answers a little before we give up, so that its reason reaches the sender.
-fn ttl_for_next_hop(left: Duration) -> u32 {
+pub(super) fn ttl_for_next_hop(left: Duration) -> u32 {
     let margin = (left / 10).min(Duration::from_millis(250));
     u32::try_from((left - margin).as_millis()).unwrap_or(u32::MAX)
 }

@@ -37,7 +37,7 @@ impl Mts {
             Partner::Daemon { instance, .. } => self.config.instance < instance,
             _ => false,
         };
-        if open.outstanding.is_empty() && !decider {
+        if open.outstanding.is_empty() && open.passing == 0 && !decider {
             self.outputs.push_back(Output::Close(conn));
             self.drop_conn(now, conn, DUPLICATE);
         }

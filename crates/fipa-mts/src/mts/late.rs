@@ -73,7 +73,7 @@ impl Mts {
     ) -> bool {
         let first = || self.seen.get(&letter.instance)?.get(letter.number);
         let known = self.late.letters.get(&letter).or_else(first).cloned();
-        match known {
+        match known.map(|known| self.unfolded(known)) {
             Some(SeenLetter::Done(outcomes)) if outcomes.iter().all(|o| o.outcome.is_success()) => {
                 self.send_receipt(now, conn, id, &outcomes);
                 true

@@ -22,6 +22,7 @@ mod neighbours;
 mod notices;
 mod numbers;
 mod outbox;
+mod passing;
 mod peer;
 mod peers;
 mod platforms;
@@ -64,6 +65,7 @@ use self::late::Late;
 use self::moves::Held;
 use self::neighbours::Neighbour;
 use self::outbox::Outbox;
+use self::passing::Passing;
 use self::peer::Peers;
 use self::posting::Post;
 use self::programs::Local;
@@ -107,7 +109,7 @@ pub struct Mts {
     peers: Peers,
     gossip: Gossip,
     /// What each peer has sent; kept while one that is gone may still come back and send it again.
-    seen: HashMap<InstanceId, Seen>,
+    seen: HashMap<InstanceId, Seen, foldhash::quality::RandomState>,
     seeds: Seeds,
     /// Agents of other makes, by name.
     neighbours: HashMap<Text, Neighbour>,
@@ -118,11 +120,13 @@ pub struct Mts {
     /// Letters that were posted to us, to recognise those that come again.
     recent: Recent,
     dials: HashMap<DialId, Purpose>,
-    locals: HashMap<Text, Local>,
+    locals: HashMap<Text, Local, foldhash::quality::RandomState>,
     /// Letters taken in whose outcomes are not all known.
     pending: Numbered<Pending>,
     /// Copies of letters on their way to one receiver each.
     deliveries: Numbered<Delivery>,
+    /// Those of which nothing more needs to be known.
+    passing: Numbered<Passing>,
     /// When each of them is looked at.
     deadlines: Deadlines,
     held: Held,
@@ -141,6 +145,12 @@ pub struct Mts {
     stamps: Stamps,
     /// Memory for the envelope of the next letter.
     spare: Envelope,
+    /// Memory for the next stamp.
+    front: BytesMut,
+    /// Counts what may change the ways of letters.
+    turn: u64,
+    /// Connections on which something was written, or receipts came, of which that is to be told.
+    touched: Vec<ConnId>,
     closing: bool,
 }
 
@@ -184,7 +194,7 @@ impl Mts {
             caller_octets: 0,
             peers: Peers::default(),
             gossip: Gossip::default(),
-            seen: HashMap::new(),
+            seen: HashMap::default(),
             seeds: Seeds::default(),
             neighbours: HashMap::new(),
             left_out: BTreeMap::new(),
@@ -192,9 +202,10 @@ impl Mts {
             post: Post::new(&config.http),
             recent: Recent::default(),
             dials: HashMap::new(),
-            locals: HashMap::new(),
+            locals: HashMap::default(),
             pending: Numbered::default(),
             deliveries: Numbered::default(),
+            passing: Numbered::default(),
             deadlines: Deadlines::default(),
             held: Held::default(),
             backlog: Backlog::default(),
@@ -209,6 +220,9 @@ impl Mts {
             next_id: 0,
             stamps: Stamps::new(config.instance),
             spare: Envelope::default(),
+            front: BytesMut::new(),
+            turn: 0,
+            touched: Vec::new(),
             closing: false,
             config,
         }
@@ -221,7 +235,7 @@ impl Mts {
 
     /// How many letters are on their way.
     pub fn letters_under_way(&self) -> usize {
-        self.deliveries.len()
+        self.deliveries.len() + self.passing.len()
     }
 
     fn id(&mut self) -> u64 {
@@ -260,12 +274,17 @@ impl Mts {
 
     /// A copy is to be looked at then, and not at the time that was set before.
     fn set_timer_of(&mut self, id: u64, at: Duration) {
-        let deliveries = &mut self.deliveries;
-        if let Some(delivery) = deliveries.get_mut(&id) {
+        if let Some(delivery) = self.deliveries.get_mut(&id) {
             delivery.timer = at;
-            let is_open = |at, id| has_timer(deliveries, at, id);
-            self.deadlines.note(at, id, deliveries.len(), is_open);
+            self.note_timer(id, at);
         }
+    }
+
+    fn note_timer(&mut self, id: u64, at: Duration) {
+        let (deliveries, passing) = (&self.deliveries, &self.passing);
+        let is_open = |at, id| passing.contains_key(&id) || has_timer(deliveries, at, id);
+        let open = deliveries.len() + passing.len();
+        self.deadlines.note(at, id, open, is_open);
     }
 }
 
@@ -339,7 +358,8 @@ impl Machine for Mts {
 
     fn handle_timeout(&mut self, now: Now) {
         let due = |mts: &mut Mts| {
-            let is_open = |at, id| has_timer(&mts.deliveries, at, id);
+            let (deliveries, passing) = (&mts.deliveries, &mts.passing);
+            let is_open = |at, id| passing.contains_key(&id) || has_timer(deliveries, at, id);
             mts.deadlines.take_due(now.mono, is_open)
         };
         self.fire_timers(now);

@@ -206,6 +206,7 @@ impl Mts {
     /// A peer is gone, and its entries with it: what it may have got has an unknown fate, what it
     /// has not got goes to where the receiver is now.
     pub(super) fn release_deliveries(&mut self, now: Now, instance: InstanceId, reason: &str) {
+        self.unfold_all(|target, _| target == Target::Peer(instance));
         let Some(peer) = self.peers.get_mut(instance) else {
             return;
         };

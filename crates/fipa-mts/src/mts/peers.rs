@@ -24,14 +24,14 @@ use crate::Urgency;
 use crate::machine::{Announced, ConnId, Notice, Output};
 
 /// Letters that wait for one peer at most.
-const MAX_WAITING: usize = 10_000;
+pub(super) const MAX_WAITING: usize = 10_000;
 
 /// Octets that are handed to a link at once: enough to keep it busy, and few for an urgent letter to
 /// wait for.
-const WINDOW: usize = 1 << 20;
+pub(super) const WINDOW: usize = 1 << 20;
 
 /// Letters on a link that wait for their receipts, at most: the other side remembers twice as many.
-const MAX_OUTSTANDING: usize = 8192;
+pub(super) const MAX_OUTSTANDING: usize = 8192;
 
 /// How long the service with the greater id leaves the dialling to the other when both have just
 /// discovered each other.
@@ -205,8 +205,7 @@ impl Mts {
             peer.links.retain(|link| *link != conn);
             for id in outstanding {
                 if let Some(again) = self.deliveries.get(&id) {
-                    let (sender, octets) = (again.sender.detached(), again.octets());
-                    peer.waiting.push_again(sender, id, octets);
+                    peer.waiting.push_again(&again.sender, id, again.octets());
                 }
             }
         }
@@ -428,7 +427,6 @@ impl Mts {
             self.not_taken(now, id, Outcome::Refused, reason);
             return;
         }
-        let sender = sender.detached();
         peer.waiting.push(delivery.urgency, sender, id, octets);
         // On a link with lanes it passes those that wait for room on another.
         self.flush_waiting(now, instance);
@@ -440,13 +438,18 @@ impl Mts {
             let Some(first) = peer.waiting.first() else {
                 return;
             };
-            let first = self.deliveries.get(&first);
-            let urgency = first.map(|delivery| delivery.urgency).unwrap_or_default();
+            let delivery = self.deliveries.get(&first).map(|delivery| delivery.urgency);
+            let passing = self.passing.get(&first).map(|passing| passing.urgency());
+            let urgency = delivery.or(passing).unwrap_or_default();
             let Some(conn) = free_link(&mut self.conns, &peer.links, urgency) else {
                 return;
             };
-            if let Some(id) = peer.waiting.pop() {
-                self.transmit_delivery(now, conn, id);
+            let Some(id) = peer.waiting.pop() else {
+                return;
+            };
+            match self.transmit_passing(now, conn, id) {
+                true => self.was_queued(conn),
+                false => self.transmit_delivery(now, conn, id),
             }
         }
     }
@@ -472,8 +475,7 @@ fn free_link(
     let usable = |conn: &&ConnId| conns.get(conn).is_some_and(|open| !open.retired);
     let conn = links.iter().find(usable).copied()?;
     let open = conns.get_mut(&conn)?;
-    let queued = open.link.queued_on(urgency.number());
-    let full = queued >= WINDOW || open.outstanding.len() >= MAX_OUTSTANDING;
-    open.starved |= full;
-    (!full).then_some(conn)
+    let busy = open.is_busy(urgency);
+    open.starved |= busy;
+    (!busy).then_some(conn)
 }

@@ -21,7 +21,7 @@ use crate::pieces::{Pieces, joined};
 
 /// Stamps that a letter may bear before it is taken for one that travels in circles (SC00067F
 /// section 4 leaves the number open).
-const MAX_HOPS: usize = 32;
+pub(super) const MAX_HOPS: usize = 32;
 
 /// Receivers for whom memory is kept.
 const SPARE: usize = 16;
@@ -159,7 +159,7 @@ impl Mts {
 
     /// Whether we have stamped the letter before.
     fn has_been_here(&self, envelope: &Envelope) -> bool {
-        let ours = |id: &Text| self.stamps.is_own(id);
+        let ours = |id: &Text| self.stamps.is_own(id.as_bytes());
         envelope
             .stamps()
             .any(|stamp| stamp.id.as_ref().is_some_and(ours))
