@@ -180,32 +180,40 @@ fn directory(owner: InstanceId, agent: &'static str) -> Frame {
 /// A letter for this agent of so many octets, behind the head of its frame. Its number is put at
 /// [`NUMBER`].
 pub fn letter_frame(agent: &'static str, octets: usize) -> Vec<u8> {
-    let envelope = |payload: usize| {
-        Envelope::new(Slots {
-            to: vec![AgentId::new(agent)],
-            from: Some(AgentId::new("source@bench")),
-            acl_representation: Some(Representation::BitEfficient),
-            payload_length: Some(payload as u64),
-            date: Some(FipaTime::from_unix_millis(unix_millis())),
-            intended_receiver: vec![AgentId::new(agent)],
-            ..Slots::default()
-        })
+    let head = letter(agent, 0).len();
+    frame(letter(agent, octets - head))
+}
+
+/// The same with so many octets of payload: what its envelope takes comes on top.
+pub fn payload_frame(agent: &'static str, octets: usize) -> Vec<u8> {
+    frame(letter(agent, octets))
+}
+
+fn letter(agent: &'static str, payload: usize) -> Bytes {
+    let envelope = Envelope::new(Slots {
+        to: vec![AgentId::new(agent)],
+        from: Some(AgentId::new("source@bench")),
+        acl_representation: Some(Representation::BitEfficient),
+        payload_length: Some(payload as u64),
+        date: Some(FipaTime::from_unix_millis(unix_millis())),
+        intended_receiver: vec![AgentId::new(agent)],
+        ..Slots::default()
+    });
+    let letter = Letter {
+        envelope,
+        payload: Bytes::from(vec![b'x'; payload]),
     };
-    let letter = |payload: usize| {
-        let mut out = Output::new();
-        let letter = Letter {
-            envelope: envelope(payload),
-            payload: Bytes::from(vec![b'x'; payload]),
-        };
-        bit_efficient::encode_letter(&letter, &mut out).expect("can be written");
-        out.take_bytes()
-    };
-    let head = letter(0).len();
+    let mut out = Output::new();
+    bit_efficient::encode_letter(&letter, &mut out).expect("can be written");
+    out.take_bytes()
+}
+
+fn frame(letter: Bytes) -> Vec<u8> {
     let mut frame = BytesMut::new();
     let parts = Frame::Letter(LetterFrame {
         id: 0,
         ttl_millis: 60_000,
-        parts: letter(octets - head).into(),
+        parts: letter.into(),
     })
     .encode(&mut frame);
     parts.iter().for_each(|part| frame.extend_from_slice(part));
