@@ -175,6 +175,20 @@ fn patterns_meant_to_blow_up_are_refused_and_errors_are_one_line() {
             .to_string()
             .contains("too large")
     );
+    for (pattern, cost) in [
+        ("arm@.*", 25..26),
+        ("a|b|cd", 3..20),
+        ("x{100}", 100..101),
+        ("x{7,100}", 100..101),
+        ("(x{20}){20}", 400..500),
+        (r"\w", 500..1000),
+        ("(a*)*b", 6..20),
+    ] {
+        let real = Pattern::new(pattern).unwrap().cost();
+        assert!(cost.contains(&real), "{pattern}: {real}");
+    }
+    let end = Pattern::new("(?x) a # as if there were no more").unwrap_err();
+    assert!(end.to_string().ends_with("it has no end"), "{end}");
     let error = Pattern::new("a(").unwrap_err().to_string();
     assert!(
         error.contains("unclosed group") && !error.contains('\n'),

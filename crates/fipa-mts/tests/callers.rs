@@ -145,6 +145,65 @@ fn a_receiver_may_be_a_pattern_or_have_question_marks_for_dots() {
 }
 
 #[test]
+fn patterns_of_strangers_that_come_too_fast_are_refused_and_nobody_else_waits_for_them() {
+    let mut sim = Sim::new(1);
+    let (here, robot) = here_and_robot(&mut sim);
+    sim.register(here, "agent-b");
+    let address = sim.address(here);
+    write(&mut sim, robot, here, letter(&["agent.*"], None, "first"));
+    for n in 0..100 {
+        let pattern = format!("({})*{n}", "a|aa".repeat(500));
+        let octets = letter(&[&pattern], None, "many");
+        sim.robot_writes(robot, address.clone(), octets, Then::Ends);
+    }
+    assert!(sim.run_until_quiet(secs(5)));
+    let refused = |sim: &Sim| {
+        let lost = lost(sim, here);
+        let refused = lost.iter().filter(|l| l.contains("patterns come too fast"));
+        refused.count()
+    };
+    let many = refused(&sim);
+    assert!((30..90).contains(&many), "{many} of 100");
+    // Names are not patterns, what was compiled is known, and programs are no strangers.
+    for to in ["agent-b", "agent.*"] {
+        let octets = letter(&[to], None, "then");
+        sim.robot_writes(robot, address.clone(), octets, Then::Ends);
+    }
+    let ours = sim.send(here, "agent-b", &["(agent)-b"], "ours");
+    sim.run_for(millis(100));
+    assert_eq!(sim.contents(here, "agent-b"), ["first", "then", "then"]);
+    assert_eq!(
+        sim.outcomes(here, ours)[0].reason,
+        "the pattern matches nobody but the sender"
+    );
+    sim.run_for(secs(1));
+    write(&mut sim, robot, here, letter(&["a.*b"], None, "later"));
+    assert_eq!(sim.contents(here, "agent-b").last().unwrap(), "later");
+    assert_eq!(refused(&sim), many);
+}
+
+#[test]
+fn names_that_are_longer_than_any_are_told_by_their_length() {
+    let mut sim = Sim::new(1);
+    let (here, robot) = here_and_robot(&mut sim);
+    let (longest, longer) = ("x".repeat(4096), "x".repeat(4097));
+    sim.register(here, &longest);
+    write(&mut sim, robot, here, letter(&[&longest], None, "it"));
+    assert_eq!(sim.contents(here, &longest), ["it"]);
+    write(
+        &mut sim,
+        robot,
+        here,
+        letter(&[&longest, &longer], None, "no"),
+    );
+    assert_eq!(sim.contents(here, &longest), ["it"]);
+    let [lost] = &lost(&sim, here)[..] else {
+        panic!("one is lost");
+    };
+    assert!(lost.contains("a name has 4097 octets; up to 4096 are taken"));
+}
+
+#[test]
 fn a_letter_for_several_agents_goes_on_to_those_of_other_daemons() {
     let mut sim = Sim::new(1);
     let (here, robot) = here_and_robot(&mut sim);

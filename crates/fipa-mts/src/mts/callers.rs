@@ -20,6 +20,7 @@ use super::connections::FarEnd;
 use super::deliveries::Origin;
 use super::doors::host_of;
 use super::notices::Returnable;
+use super::patterns::Names;
 use super::routing::{Inbound, Terms};
 use super::{Mts, Timer};
 use crate::machine::{ConnId, Ended, Notice, Output};
@@ -39,6 +40,9 @@ const LATE: Duration = Duration::from_millis(100);
 
 /// How long the outcome of a letter is waited for whose sender waits for none.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Octets of the longest name in an envelope: whoever is told of the letter is told the name, too.
+const MAX_NAME: usize = 4096;
 
 /// The first octet of a TLS handshake.
 const TLS: u8 = 0x16;
@@ -306,6 +310,7 @@ fn read_letter(
 ) -> Result<Inbound, String> {
     let unreadable = |error: &dyn std::fmt::Display| format!("it cannot be read: {error}");
     let (envelope, at) = decode_envelope(&octets, limits).map_err(|e| unreadable(&e))?;
+    check_names(&envelope)?;
     let payload = octets.slice(at..);
     let come = payload.len() as u64;
     if let Some(announced) = envelope.payload_length()
@@ -325,8 +330,20 @@ fn read_letter(
         payload: at,
         from: None,
         via: Some(via),
-        patterns: true,
+        names: Names::FewPatterns,
     })
+}
+
+/// Whether the names of the agents in an envelope are of a length that may be one's.
+pub(super) fn check_names(envelope: &Envelope) -> Result<(), String> {
+    let receivers = [envelope.to(), envelope.intended_receiver()];
+    let names = receivers.into_iter().flatten().chain(envelope.from());
+    match names.map(|agent| agent.name.len()).max() {
+        Some(longest) if longest > MAX_NAME => Err(format!(
+            "a name has {longest} octets; up to {MAX_NAME} are taken"
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// A letter whose envelope was in XML. Our links carry bit-efficient envelopes, which need what XML
@@ -352,6 +369,6 @@ pub(super) fn inbound(
         envelope,
         from: None,
         via: Some(via),
-        patterns: true,
+        names: Names::FewPatterns,
     })
 }

@@ -13,6 +13,7 @@ use super::Mts;
 use super::connections::Partner;
 use super::dialects::Foreign;
 use super::notices::Returnable;
+use super::patterns::Names;
 use super::routing::{Inbound, Terms};
 use super::seen::SeenLetter;
 use crate::machine::{ConnId, Output, REPLY_BY};
@@ -142,9 +143,12 @@ impl Mts {
             return;
         };
         let id = frame.id;
-        let (mut origin, from, patterns) = match &open.partner {
+        let (mut origin, from, names) = match &open.partner {
             Partner::Unknown => return,
-            Partner::Program { name, .. } => (Origin::Program { conn, id }, name.clone(), true),
+            Partner::Program { name, .. } => {
+                let origin = Origin::Program { conn, id };
+                (origin, name.clone(), Names::Patterns)
+            }
             Partner::Daemon { instance, .. } => {
                 let instance = *instance;
                 if self.answered_before(now, instance, conn, id) {
@@ -157,7 +161,7 @@ impl Mts {
                     id,
                     late: None,
                 };
-                (origin, name, false)
+                (origin, name, Names::Exact)
             }
         };
         let mut parts: Pieces = frame.parts.into_iter().collect();
@@ -178,8 +182,11 @@ impl Mts {
                     parts,
                     envelope,
                     from: Some(from),
-                    via: Some(if patterns { "unix" } else { "tcp" }),
-                    patterns,
+                    via: Some(match origin {
+                        Origin::Program { .. } => "unix",
+                        _ => "tcp",
+                    }),
+                    names,
                 };
                 let timeout = Duration::from_millis(frame.ttl_millis.into());
                 // The first service on the way waits for room, on behalf of the sender.

@@ -14,7 +14,7 @@ use fipa_directory::{Address, Now};
 use fipa_link::Outcome;
 
 use super::Mts;
-use super::callers::{TIMEOUT, inbound};
+use super::callers::{TIMEOUT, check_names, inbound};
 use super::deliveries::Origin;
 use super::jade;
 use super::notices::Returnable;
@@ -152,6 +152,7 @@ impl Mts {
         if envelope.intended_receiver().is_empty() {
             return Err(Refusal::Unreadable("it names no receiver".to_owned()));
         }
+        check_names(&envelope).map_err(Refusal::Unreadable)?;
         let taken = inbound(now, envelope, arrived.payload.clone(), POSTED)
             .map_err(|error| Refusal::Unreadable(error.to_string()))?;
         if !self.recent.is_copy(now, &arrived) {

@@ -23,6 +23,7 @@ mod notices;
 mod numbers;
 mod outbox;
 mod passing;
+mod patterns;
 mod peer;
 mod peers;
 mod platforms;
@@ -66,6 +67,7 @@ use self::moves::Held;
 use self::neighbours::Neighbour;
 use self::outbox::Outbox;
 use self::passing::Passing;
+use self::patterns::{Names, Patterns};
 use self::peer::Peers;
 use self::posting::Post;
 use self::programs::Local;
@@ -145,6 +147,7 @@ pub struct Mts {
     stamps: Stamps,
     /// Memory for the envelope of the next letter.
     spare: Envelope,
+    patterns: Patterns,
     /// Memory for the next stamp.
     front: BytesMut,
     /// Counts what may change the ways of letters.
@@ -220,6 +223,7 @@ impl Mts {
             next_id: 0,
             stamps: Stamps::new(config.instance),
             spare: Envelope::default(),
+            patterns: Patterns::default(),
             front: BytesMut::new(),
             turn: 0,
             touched: Vec::new(),
@@ -430,7 +434,7 @@ impl Machine for Mts {
             envelope,
             from: None,
             via: None,
-            patterns: true,
+            names: Names::Patterns,
         };
         let terms = Terms {
             timeout: until.unwrap_or(timeout).min(timeout),

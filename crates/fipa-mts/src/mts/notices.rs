@@ -19,6 +19,7 @@ use super::Mts;
 use super::callers::TIMEOUT;
 use super::deliveries::Origin;
 use super::fleet::is_ruled_out;
+use super::patterns::Names;
 use super::routing::{Inbound, LOOP, Terms};
 use crate::failure;
 use crate::pieces::joined;
@@ -178,7 +179,7 @@ impl Mts {
             envelope,
             from: None,
             via: None,
-            patterns: false,
+            names: Names::Exact,
         })
     }
 

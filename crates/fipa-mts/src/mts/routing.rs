@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use fipa_acl::{AgentId, Envelope, FipaTime, Letter, Received, Slots, Text};
-use fipa_directory::{Address, Field, InstanceId, Now, Pattern, Source};
+use fipa_directory::{Address, Field, InstanceId, Now, Source};
 use fipa_link::Outcome;
 use smallvec::{SmallVec, smallvec};
 
@@ -13,6 +13,7 @@ use super::Mts;
 use super::deliveries::{Origin, Target};
 use super::dialects::Foreign;
 use super::neighbours::owner_of;
+use super::patterns::{Names, NoPattern};
 use super::posting::preference;
 use super::programs::Local;
 use crate::Urgency;
@@ -44,9 +45,8 @@ pub(super) struct Inbound {
     pub(super) from: Option<Text>,
     /// The transport by which it came.
     pub(super) via: Option<&'static str>,
-    /// Whether its receivers may be patterns. Between our services they are exact: the first one
-    /// resolves.
-    pub(super) patterns: bool,
+    /// What the names of its receivers may be.
+    pub(super) names: Names,
 }
 
 /// What its sender wants done with a letter.
@@ -177,10 +177,10 @@ impl Mts {
     }
 
     /// Every agent that the letter is for, once each.
-    fn resolve_all(&self, now: Now, inbound: &Inbound) -> SmallVec<[Resolved; 1]> {
+    fn resolve_all(&mut self, now: Now, inbound: &Inbound) -> SmallVec<[Resolved; 1]> {
         let sender = inbound.envelope.from().map(|from| &from.name);
         let receivers = inbound.envelope.intended_receiver();
-        let resolve = |receiver| self.resolve(now, receiver, sender, inbound);
+        let mut resolve = |receiver| self.resolve(now, receiver, sender, inbound);
         if let [only] = receivers {
             return resolve(only);
         }
@@ -195,7 +195,7 @@ impl Mts {
     /// resolvers); then the name as mDNS announces it; then as an anchored pattern, which never
     /// matches the sender.
     fn resolve(
-        &self,
+        &mut self,
         now: Now,
         receiver: &AgentId,
         sender: Option<&Text>,
@@ -228,7 +228,7 @@ impl Mts {
         if self.is_away(now, &receiver.name) {
             return only(receiver.clone(), Route::Away);
         }
-        if !inbound.patterns {
+        if inbound.names == Names::Exact {
             let here = &self.config.name;
             return nowhere(format!("no agent of this name is known at {here}"));
         }
@@ -237,10 +237,18 @@ impl Mts {
         {
             return only(AgentId::new(name), route);
         }
-        let pattern = match Pattern::new(&receiver.name) {
+        let of_stranger = inbound.names == Names::FewPatterns;
+        let pattern = self.patterns.get(now.mono, &receiver.name, of_stranger);
+        let pattern = match pattern {
             Ok(pattern) => pattern,
-            Err(error) => {
+            Err(NoPattern::Wrong(error)) => {
                 return nowhere(format!("no agent of this name is known, and {error}"));
+            }
+            Err(NoPattern::TooMany) => {
+                let reason =
+                    "no agent of this name is known, and patterns come too fast to be looked for";
+                let route = Route::Nowhere(Outcome::Refused, Text::from_static(reason));
+                return only(receiver.clone(), route);
             }
         };
         let mut names: Vec<&Text> = self
