@@ -85,7 +85,10 @@ impl Field {
 
     /// Times letters with so many octets of content that come back, and prints a table.
     pub(crate) fn round_trips(&mut self, octets: usize) {
-        let trips = |one: &mut dyn Peer, _| Times::new(one.round_trips(octets, TRIPS));
+        let trips = |one: &mut dyn Peer, _| {
+            one.prepare();
+            Times::new(one.round_trips(octets, TRIPS))
+        };
         // The first ones make buffers.
         self.rounds_of(1, trips);
         let steps = self.rounds(trips);
@@ -149,6 +152,7 @@ impl Field {
 }
 
 fn pass(peer: &mut dyn Peer, work: Work) -> Passed {
+    peer.prepare();
     let process = peer.middle();
     let (start, before) = (Instant::now(), Ran::of(process));
     peer.one_way(work);

@@ -89,9 +89,10 @@ impl Peer for Agents {
         let (source, tally) = (Arc::clone(&self.source), self.tally.clone());
         self.here.run(async move {
             let content = Bytes::from(vec![b'x'; work.octets]);
-            let mut under_way = VecDeque::with_capacity(UNDER_WAY);
+            let most = UNDER_WAY.min(work.window);
+            let mut under_way = VecDeque::with_capacity(most);
             for _ in 0..work.letters {
-                if under_way.len() == UNDER_WAY {
+                if under_way.len() == most {
                     under_way.pop_front().map(delivered).expect("full").await;
                 }
                 let letter = message("sink@bench", content.clone());

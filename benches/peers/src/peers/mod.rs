@@ -21,6 +21,9 @@ pub(crate) trait Peer {
     /// What it is, with its version.
     fn name(&self) -> String;
 
+    /// Makes ready for what is to be measured.
+    fn prepare(&mut self) {}
+
     /// The process in the middle.
     fn middle(&self) -> u32;
 

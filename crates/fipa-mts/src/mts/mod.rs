@@ -32,6 +32,7 @@ mod programs;
 mod routing;
 mod seeds;
 mod seen;
+mod sequence;
 mod stamps;
 mod sync;
 mod tap;
@@ -74,6 +75,7 @@ use self::programs::Local;
 use self::routing::{Inbound, Terms};
 use self::seeds::Seeds;
 use self::seen::Seen;
+use self::sequence::Sequence;
 use self::stamps::Stamps;
 use self::tap::Tap;
 use crate::Urgency;
@@ -128,7 +130,7 @@ pub struct Mts {
     /// Copies of letters on their way to one receiver each.
     deliveries: Numbered<Delivery>,
     /// Those of which nothing more needs to be known.
-    passing: Numbered<Passing>,
+    passing: Sequence<Passing>,
     /// When each of them is looked at.
     deadlines: Deadlines,
     held: Held,
@@ -208,7 +210,7 @@ impl Mts {
             locals: HashMap::default(),
             pending: Numbered::default(),
             deliveries: Numbered::default(),
-            passing: Numbered::default(),
+            passing: Sequence::default(),
             deadlines: Deadlines::default(),
             held: Held::default(),
             backlog: Backlog::default(),
@@ -286,7 +288,7 @@ impl Mts {
 
     fn note_timer(&mut self, id: u64, at: Duration) {
         let (deliveries, passing) = (&self.deliveries, &self.passing);
-        let is_open = |at, id| passing.contains_key(&id) || has_timer(deliveries, at, id);
+        let is_open = |at, id| passing.contains(id) || has_timer(deliveries, at, id);
         let open = deliveries.len() + passing.len();
         self.deadlines.note(at, id, open, is_open);
     }
@@ -363,7 +365,7 @@ impl Machine for Mts {
     fn handle_timeout(&mut self, now: Now) {
         let due = |mts: &mut Mts| {
             let (deliveries, passing) = (&mts.deliveries, &mts.passing);
-            let is_open = |at, id| passing.contains_key(&id) || has_timer(deliveries, at, id);
+            let is_open = |at, id| passing.contains(id) || has_timer(deliveries, at, id);
             mts.deadlines.take_due(now.mono, is_open)
         };
         self.fire_timers(now);

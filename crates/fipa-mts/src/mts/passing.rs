@@ -11,7 +11,6 @@
 //! somebody who waits for its outcome. A way is looked at anew after whatever else has happened, so
 //! nothing has to be told here when an agent moves, a link ends or a rule says no.
 
-use std::collections::hash_map::Entry;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -234,9 +233,9 @@ impl Mts {
             Piece::Letter {
                 id,
                 ttl_millis,
-                octets,
+                mut octets,
             } => {
-                if self.pass(now, conn, (id, ttl_millis), &octets, ways) {
+                if self.pass(now, conn, (id, ttl_millis), &mut octets, ways) {
                     return;
                 }
                 let parts = octets.into();
@@ -260,13 +259,13 @@ impl Mts {
         self.turn += 1;
     }
 
-    /// Passes a letter on if its way is known. Otherwise nothing is done.
+    /// Passes a letter on, and takes it, if its way is known. Otherwise nothing is done.
     fn pass(
         &mut self,
         now: Now,
         conn: ConnId,
         (id, ttl_millis): (u64, u32),
-        letter: &Bytes,
+        letter: &mut Bytes,
         ways: &mut Ways,
     ) -> bool {
         let is_own = |number: &[u8]| self.stamps.is_own(number);
@@ -342,14 +341,14 @@ impl Mts {
         let passing = Passing {
             way: Arc::clone(way),
             theirs: id,
-            letter: letter.clone(),
+            letter: std::mem::take(letter),
             date,
             sent,
             deadline,
             timer,
             place: place.unwrap_or_default(),
         };
-        self.passing.insert(number, passing);
+        self.passing.push(number, passing);
         self.note_timer(number, timer);
         true
     }
@@ -357,11 +356,9 @@ impl Mts {
     /// The receipt for a letter that passed: it was delivered. Whether it is one that passed over
     /// this connection; otherwise nothing is done.
     fn passed(&mut self, now: Now, conn: ConnId, id: u64) -> bool {
-        let passing = match self.passing.entry(id) {
-            Entry::Occupied(passing) if passing.get().sent && passing.get().way.conn == conn => {
-                passing.remove()
-            }
-            _ => return false,
+        let is_its = |passing: &Passing| passing.sent && passing.way.conn == conn;
+        let Some(passing) = self.passing.remove_if(id, is_its) else {
+            return false;
         };
         let way = passing.way;
         if let Some(open) = self.conns.get_mut(&conn) {
@@ -404,7 +401,7 @@ impl Mts {
 
     /// Writes a letter that has waited. Whether it is one that passes.
     pub(super) fn transmit_passing(&mut self, now: Now, conn: ConnId, id: u64) -> bool {
-        let Some(passing) = self.passing.get_mut(&id) else {
+        let Some(passing) = self.passing.get_mut(id) else {
             return false;
         };
         self.front.clear();
@@ -429,7 +426,7 @@ impl Mts {
 
     /// Makes a letter that passes one like any other.
     pub(super) fn unfold(&mut self, id: u64) {
-        let Some(passing) = self.passing.remove(&id) else {
+        let Some(passing) = self.passing.remove(id) else {
             return;
         };
         let way = passing.way;
@@ -488,7 +485,7 @@ impl Mts {
             is_so(way.target, passing.sent.then_some(way.conn))
         };
         let all = self.passing.iter().filter(|(_, passing)| of(passing));
-        let mut all: Vec<u64> = all.map(|(id, _)| *id).collect();
+        let mut all: Vec<u64> = all.map(|(id, _)| id).collect();
         all.sort_unstable();
         all.iter().for_each(|id| self.unfold(*id));
         all

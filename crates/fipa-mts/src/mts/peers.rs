@@ -439,7 +439,7 @@ impl Mts {
                 return;
             };
             let delivery = self.deliveries.get(&first).map(|delivery| delivery.urgency);
-            let passing = self.passing.get(&first).map(|passing| passing.urgency());
+            let passing = self.passing.get(first).map(|passing| passing.urgency());
             let urgency = delivery.or(passing).unwrap_or_default();
             let Some(conn) = free_link(&mut self.conns, &peer.links, urgency) else {
                 return;
