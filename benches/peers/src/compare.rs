@@ -19,7 +19,7 @@ const TRIAL: usize = 5_000;
 
 /// Octets that may be under way where a peer has no bound of its own, and letters at most.
 const WINDOW_OCTETS: usize = 8 << 20;
-const WINDOW: usize = 16_384;
+const WINDOW: usize = 4096;
 
 /// Letters that go there and back in a round.
 const TRIPS: usize = 1_000;

@@ -17,11 +17,14 @@ const SINK: &str = "sink@bench";
 /// Octets that are written at once.
 const BATCH: usize = 64 << 10;
 
+/// Until the middle knows who came and who went.
+const PAUSE: Duration = Duration::from_millis(100);
+
 /// Letters that are written ready, and receipts that are only counted.
 pub(crate) struct Bare {
     daemon: Daemon,
-    source: Partner,
-    sink: Partner,
+    /// The source and the sink.
+    ends: Option<(Partner, Partner)>,
     /// Letters that were sent by each of them.
     sent: u64,
     returned: u64,
@@ -32,11 +35,9 @@ impl Bare {
     pub(crate) fn start() -> Bare {
         let folder = tempfile::tempdir().expect("a folder");
         let daemon = Daemon::start(folder.path(), "bare", &[]);
-        let (source, sink) = ends(&daemon);
         Bare {
             daemon,
-            source,
-            sink,
+            ends: None,
             sent: 0,
             returned: 0,
             _folder: folder,
@@ -51,7 +52,9 @@ impl Peer for Bare {
 
     fn prepare(&mut self) {
         // While others are measured these say nothing, and so are given up.
-        (self.source, self.sink) = ends(&self.daemon);
+        self.ends = None;
+        thread::sleep(PAUSE);
+        self.ends = Some(ends(&self.daemon));
     }
 
     fn middle(&self) -> u32 {
@@ -59,7 +62,7 @@ impl Peer for Bare {
     }
 
     fn one_way(&mut self, work: Work) {
-        let (source, sink) = (&mut self.source, &mut self.sink);
+        let (source, sink) = self.ends.as_mut().expect("prepared");
         let mut stream = source.writer();
         let confirmed = &AtomicUsize::new(0);
         let first = self.sent;
@@ -78,7 +81,7 @@ impl Peer for Bare {
     }
 
     fn round_trips(&mut self, octets: usize, count: usize) -> Vec<Duration> {
-        let (source, sink) = (&mut self.source, &mut self.sink);
+        let (source, sink) = self.ends.as_mut().expect("prepared");
         let (mut there, mut back) = (source.writer(), sink.writer());
         let (sent, returned) = (self.sent, self.returned);
         self.sent += count as u64;
@@ -109,7 +112,7 @@ fn ends(daemon: &Daemon) -> (Partner, Partner) {
     let sink = Partner::greet(daemon.endpoint(), "sink", SINK);
     let source = Partner::greet(daemon.endpoint(), "source", SOURCE);
     // What they have is known in the middle.
-    thread::sleep(Duration::from_millis(100));
+    thread::sleep(PAUSE);
     (source, sink)
 }
 
