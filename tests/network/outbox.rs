@@ -11,7 +11,7 @@ use fipa::{Message, Outcome, Performative, ReceiverOutcome};
 use serde_json::Value;
 
 use crate::support::daemon::{Daemon, Place};
-use crate::support::process::run;
+use crate::support::process::{Process, run};
 use crate::support::skipped;
 
 /// Sends a letter whose outcome must be that it is stored.
@@ -25,21 +25,34 @@ fn store(daemon: &Daemon, content: &str) {
 }
 
 fn send(daemon: &Daemon, content: &str) -> Value {
+    send_with(daemon, content, 1)
+}
+
+/// Sends a letter with which the program ends so.
+fn send_with(daemon: &Daemon, content: &str, code: i32) -> Value {
     let words = ["send", "--to", "b@robot2", "--from", "a@robot1"];
     let rest = ["--performative", "inform", "--timeout", "4", "--json"];
     let content = ["--content", content];
     let ended = daemon.run(&[&words[..], &rest, &content].concat());
-    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert_eq!(ended.code, Some(code), "{ended:?}");
     ended.only_json()
 }
 
 /// Takes the letters that come for the agent.
 fn listen(daemon: &Daemon, letters: usize) -> Vec<String> {
+    let mut listening = listener(daemon, letters);
+    (0..letters).map(|_| content(&mut listening)).collect()
+}
+
+fn listener(daemon: &Daemon, letters: usize) -> Process {
     let count = letters.to_string();
-    let words = ["listen", "--as", "b@robot2", "--count", &count, "--json"];
-    let mut listening = daemon.attach_with(&words);
-    let content = |letter: Value| letter["message"]["content"].as_str().unwrap().to_owned();
-    (0..letters).map(|_| content(listening.json())).collect()
+    daemon.attach_with(&["listen", "--as", "b@robot2", "--count", &count, "--json"])
+}
+
+/// What is in the next letter.
+fn content(listening: &mut Process) -> String {
+    let letter = listening.json();
+    letter["message"]["content"].as_str().unwrap().to_owned()
 }
 
 /// Two daemons of which the first one stores; the agent `b@robot2` was at the second one, which
@@ -73,7 +86,14 @@ fn letters_outlive_the_daemon_that_stores_them() {
     let one = place.start_with("robot1", &["--state", &state.display().to_string()]);
     store(&one, "three");
     let two = place.start("robot2");
-    assert_eq!(listen(&two, 3), ["one", "two", "three"]);
+    let mut listening = listener(&two, 4);
+    for expected in ["one", "two", "three"] {
+        assert_eq!(content(&mut listening), expected);
+    }
+    // Its receipt comes behind theirs.
+    let told = send_with(&one, "four", 0);
+    assert_eq!(told["outcome"], "delivered", "{told}");
+    assert_eq!(content(&mut listening), "four");
     // What was delivered is not there any more.
     let ended = one.into_process();
     ended.signal(rustix::process::Signal::TERM);
