@@ -7,8 +7,9 @@ use std::time::Duration;
 use fipa_acl::Text;
 use fipa_directory::{Pattern, PatternError};
 
-/// Patterns that are kept.
-const KEPT: usize = 64;
+/// Patterns that are kept, and what each of them costs at most: a costly one takes up to a megabyte.
+const KEPT: usize = 16;
+const KEPT_COST: u32 = 1024;
 
 /// What patterns of strangers may cost in a second, as [`Pattern::cost`] counts: a twentieth of the
 /// time, about. As much is saved up.
@@ -63,29 +64,28 @@ impl Patterns {
         text: &Text,
         of_stranger: bool,
     ) -> Result<Pattern, NoPattern> {
-        if let Some(at) = self.kept.iter().position(|(kept, _)| kept == text) {
-            if let Some(used) = self.kept.remove(at) {
-                self.kept.push_front(used);
-            }
-        } else {
-            if of_stranger && !self.has_left(now) {
-                return Err(NoPattern::TooMany);
-            }
-            let pattern = Pattern::new(text);
-            if of_stranger {
-                let cost = pattern
-                    .as_ref()
-                    .map_or_else(PatternError::cost, Pattern::cost);
-                self.left -= f64::from(cost.max(LEAST));
-            }
-            let pattern = pattern.map_err(NoPattern::Wrong)?;
-            self.kept.truncate(KEPT - 1);
-            self.kept.push_front((text.detached(), pattern));
+        let kept = self.kept.iter().position(|(kept, _)| kept == text);
+        if let Some(used) = kept.and_then(|at| self.kept.remove(at)) {
+            let pattern = used.1.clone();
+            self.kept.push_front(used);
+            return Ok(pattern);
         }
-        let first = self.kept.front();
-        first
-            .map(|(_, pattern)| pattern.clone())
-            .ok_or(NoPattern::TooMany)
+        if of_stranger && !self.has_left(now) {
+            return Err(NoPattern::TooMany);
+        }
+        let pattern = Pattern::new(text);
+        if of_stranger {
+            let cost = pattern
+                .as_ref()
+                .map_or_else(PatternError::cost, Pattern::cost);
+            self.left -= f64::from(cost.max(LEAST));
+        }
+        let pattern = pattern.map_err(NoPattern::Wrong)?;
+        if pattern.cost() <= KEPT_COST {
+            self.kept.truncate(KEPT - 1);
+            self.kept.push_front((text.detached(), pattern.clone()));
+        }
+        Ok(pattern)
     }
 
     fn has_left(&mut self, now: Duration) -> bool {
@@ -93,5 +93,31 @@ impl Patterns {
         self.at = now;
         self.left = (self.left + COST * since.as_secs_f64()).min(COST);
         self.left > 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_that_were_used_last_are_kept_unless_they_are_large() {
+        let mut patterns = Patterns::default();
+        let mut get = |text: &str| {
+            let known = patterns.get(Duration::ZERO, &Text::from(text), false);
+            known.unwrap();
+            let kept = patterns.kept.iter().map(|(text, _)| text.to_string());
+            kept.collect::<Vec<_>>()
+        };
+        get("first.*");
+        (0..KEPT - 1).for_each(|n| drop(get(&format!("{n}.*"))));
+        assert_eq!(get("first.*").len(), KEPT);
+        let kept = get("new.*");
+        assert_eq!(
+            (kept.len(), &*kept[0], &*kept[1]),
+            (KEPT, "new.*", "first.*")
+        );
+        assert!(!kept.contains(&"0.*".to_owned()));
+        assert_eq!(get("x{2000}"), kept);
     }
 }
