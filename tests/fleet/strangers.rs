@@ -1,7 +1,9 @@
 //! Strangers are refused, that is told with the reason, and nothing comes of what they say.
 
 use std::io::{self, Read, Write};
-use std::net::{Shutdown, TcpListener, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -273,6 +275,90 @@ fn record(between: &TcpListener, to: &str) -> Vec<u8> {
         }
     }
     let _ = called.shutdown(Shutdown::Write);
+    recorded
+}
+
+#[test]
+fn a_recorded_handshake_over_quic_is_refused() {
+    let mut home = Home::new();
+    let [_, quic] = home.endpoints();
+    let to = quic.strip_prefix("quic://").unwrap().parse().unwrap();
+    let recorder = Recorder::before(to);
+    home.fleet.join("robot2");
+    let mut command = home.fleet.fipad("robot2", &[]);
+    command.args(["--peer", &format!("quic://{}", recorder.at)]);
+    let robot2 = Daemon::start(command);
+    let echo = robot2.attach("echo", "echo@robot2");
+    home.daemon.wait_for("echo@robot2");
+    drop(echo);
+    robot2.signal(Signal::TERM);
+    assert_eq!(robot2.into_process().wait().code, Some(0));
+    let recorded = recorder.stop();
+    assert!(recorded.len() > 5, "{}", recorded.len());
+
+    let replay = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let from = format!("quic://{}", replay.local_addr().unwrap());
+    let replaying = thread::spawn(move || {
+        // For a while the packets are those of a connection that has just ended.
+        for _ in 0..4 {
+            for packet in &recorded {
+                replay.send_to(packet, to).unwrap();
+            }
+            thread::sleep(Duration::from_secs(1));
+        }
+    });
+    let who = refused(&mut home.daemon, "it is a recording, or the radio is bad");
+    assert_eq!(who, from);
+    replaying.join().unwrap();
+    home.stays_untouched();
+}
+
+/// Passes on packets between one caller and a robot, and keeps what the caller sends.
+struct Recorder {
+    at: SocketAddr,
+    ends: Arc<AtomicBool>,
+    recording: thread::JoinHandle<Vec<Vec<u8>>>,
+}
+
+impl Recorder {
+    fn before(to: SocketAddr) -> Recorder {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket
+            .set_read_timeout(Some(Duration::from_millis(50)))
+            .unwrap();
+        let (at, ends) = (socket.local_addr().unwrap(), Arc::<AtomicBool>::default());
+        let until = Arc::clone(&ends);
+        let recording = thread::spawn(move || record_packets(&socket, to, &until));
+        Recorder {
+            at,
+            ends,
+            recording,
+        }
+    }
+
+    fn stop(self) -> Vec<Vec<u8>> {
+        self.ends.store(true, Ordering::Relaxed);
+        self.recording.join().unwrap()
+    }
+}
+
+fn record_packets(socket: &UdpSocket, to: SocketAddr, ends: &AtomicBool) -> Vec<Vec<u8>> {
+    let mut caller = None;
+    let mut recorded = Vec::new();
+    let mut packet = [0; 1 << 16];
+    while !ends.load(Ordering::Relaxed) {
+        let Ok((octets, from)) = socket.recv_from(&mut packet) else {
+            continue;
+        };
+        let packet = &packet[..octets];
+        if from != to {
+            caller = Some(from);
+            recorded.push(packet.to_vec());
+        }
+        if let Some(next) = if from == to { caller } else { Some(to) } {
+            socket.send_to(packet, next).unwrap();
+        }
+    }
     recorded
 }
 

@@ -18,7 +18,11 @@ use crate::support::daemon::{Daemon, Place};
 use crate::support::radio::{Quality, Radio};
 
 /// How letters travel: the scheme of the listeners, and how the far agents are reached.
-const TRANSPORTS: [(&str, Reach); 2] = [("tcp", Reach::Linked), ("http", Reach::Posted)];
+const TRANSPORTS: [(&str, Reach); 3] = [
+    ("tcp", Reach::Linked),
+    ("quic", Reach::Linked),
+    ("http", Reach::Posted),
+];
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Reach {
@@ -46,9 +50,9 @@ const PING: usize = 100;
 const SMALL: usize = 256;
 const LARGE: usize = 64 << 10;
 
-/// Small and large letters that are under way at once. Where each letter waits for the answer to the
-/// one before, more would only wait.
-const WINDOWS: (usize, usize) = (4096, 64);
+/// Small and large letters that are under way at once: as many small ones as one agent may have.
+/// Where each letter waits for the answer to the one before, more would only wait.
+const WINDOWS: (usize, usize) = (1024, 64);
 const POSTED_WINDOWS: (usize, usize) = (16, 4);
 
 /// What one transport gave over one radio.
@@ -64,7 +68,7 @@ struct Figures {
 }
 
 #[test]
-#[ignore = "takes ten minutes"]
+#[ignore = "takes a quarter of an hour"]
 fn rates_over_radios_that_lose_packets() {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut rows: BTreeMap<&str, Vec<Figures>> = BTreeMap::new();

@@ -21,6 +21,24 @@ fn daemons_at_the_ends_of_a_wire_find_each_other_by_mdns_and_answer_2000_of_2000
 }
 
 #[test]
+fn daemons_that_listen_over_quic_alone_find_each_other_by_mdns() {
+    let Some((host1, host2)) = Namespace::pair() else {
+        return;
+    };
+    let place = Place::new();
+    let start = |host, name, at| place.start_in(host, name, &["--listen", at]);
+    let one = start(&host1, "robot1", "quic://10.0.0.1:0");
+    let two = start(&host2, "robot2", "quic://10.0.0.2:0");
+    let _echo = two.attach("echo", "echo@robot2");
+    one.wait_for("echo@robot2");
+    let agent = one.run(&["agents", "echo@robot2", "--json"]).only_json();
+    assert_eq!(agent["source"], "mdns");
+    let at = agent["locations"][0]["address"].as_str().unwrap();
+    assert!(at.starts_with("quic://10.0.0.2:"), "{at}");
+    ping(&one, "echo@robot2");
+}
+
+#[test]
 fn a_daemon_that_starts_before_its_wire_is_plugged_in_finds_others_later() {
     let Some((host1, host2)) = Namespace::unplugged_pair() else {
         return;

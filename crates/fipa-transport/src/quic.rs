@@ -18,6 +18,7 @@
 //! 9000, section 9). It does not work the other way round: who was dialled is dialled anew.
 
 mod calling;
+mod congestion;
 mod keys;
 mod link;
 mod words;
@@ -33,6 +34,7 @@ use quinn::{ClientConfig, Connection, Endpoint, EndpointConfig, TransportConfig,
 use socket2::{Domain, Protocol, Socket, Type};
 
 pub(crate) use self::calling::{Calling, Server};
+use self::congestion::Patience;
 use self::keys::Keys;
 pub(crate) use self::link::{QuicLink, pump};
 use crate::stream::Kind;
@@ -40,7 +42,7 @@ use crate::tls::Verdict;
 use crate::{KeyError, LANES, Stream, Tls};
 
 /// How long it may take until a connection is there.
-const PATIENCE: Duration = Duration::from_secs(5);
+const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// A connection over which nothing comes for so long is lost. The heartbeat of a link gives it up
 /// earlier, as it does over TCP.
@@ -48,6 +50,11 @@ const IDLE: Duration = Duration::from_secs(75);
 
 /// Something goes out so often, that a way through a firewall is not forgotten.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
+
+/// Octets that the other side may send before it hears that they were read, of a stream and of all
+/// of them: at 20 MB/s, as many as are under way in a fifth of a second.
+const STREAM_WINDOW: VarInt = VarInt::from_u32(4 << 20);
+const WINDOW: VarInt = VarInt::from_u32(8 << 20);
 
 /// Addresses of which tickets are kept.
 const MAX_KNOWN: usize = 256;
@@ -104,7 +111,8 @@ impl Quic {
     }
 
     pub(crate) async fn connect(&self, to: SocketAddr) -> io::Result<Stream> {
-        within(async { self.settle(self.bare(to).await?, true).await }).await
+        let settled = async { self.settle(self.bare(to).await?, true).await };
+        within(settled, "no answer within 5 s").await
     }
 
     /// A connection without streams, of which nobody has looked who is there.
@@ -169,13 +177,13 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-async fn within<T>(attempt: impl Future<Output = io::Result<T>>) -> io::Result<T> {
-    match tokio::time::timeout(PATIENCE, attempt).await {
+async fn within<T>(
+    attempt: impl Future<Output = io::Result<T>>,
+    or: &'static str,
+) -> io::Result<T> {
+    match tokio::time::timeout(TIMEOUT, attempt).await {
         Ok(result) => result,
-        Err(_) => Err(io::Error::new(
-            io::ErrorKind::TimedOut,
-            "no answer within 5 s",
-        )),
+        Err(_) => Err(io::Error::new(io::ErrorKind::TimedOut, or)),
     }
 }
 
@@ -185,6 +193,9 @@ fn transport() -> Result<TransportConfig, KeyError> {
     transport
         .max_idle_timeout(Some(idle))
         .keep_alive_interval(Some(KEEP_ALIVE))
+        .congestion_controller_factory(Arc::new(Patience))
+        .stream_receive_window(STREAM_WINDOW)
+        .receive_window(WINDOW)
         .max_concurrent_bidi_streams(1_u32.into())
         .max_concurrent_uni_streams(VarInt::from_u32(LANES as u32))
         .datagram_receive_buffer_size(None);

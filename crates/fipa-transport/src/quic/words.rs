@@ -22,7 +22,6 @@ pub(super) fn of_handshake(error: &ConnectionError, verdict: &Verdict) -> io::Er
     };
     match alert(wrong.code.into()) {
         Some(AlertDescription::CertificateRequired) => io::Error::other(Refusal::NoCertificate),
-        // A recording does not come so far: its packets cannot be opened.
         Some(AlertDescription::DecryptError) => {
             io::Error::other("it does not have the key of the certificate that it showed")
         }
