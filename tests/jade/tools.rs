@@ -2,6 +2,9 @@
 
 use std::process::Command;
 
+use fipa::blocking::Platform;
+use fipa::{Message, Performative};
+
 use crate::agents::{HTTP, http_of};
 use crate::fake::Jade;
 use crate::support::daemon::Place;
@@ -320,6 +323,47 @@ fn a_df_registers_with_another_one_whose_searches_then_come_to_it() {
     let left = child.run(&["df", "federate", "df@robot1", "--leave"]);
     assert_eq!(left.code, Some(0), "{left:?}");
     assert_eq!(parent.run(&deep).code, Some(1));
+}
+
+#[test]
+fn a_df_tells_all_that_it_knows_or_that_there_is_more() {
+    const AGENTS: usize = 1500;
+    let place = Place::new();
+    let (one, two) = (
+        place.start_with("robot1", &HTTP),
+        place.start_with("robot2", &HTTP),
+    );
+    let url = format!("{}#robot2", http_of(&two));
+    assert_eq!(one.run(&["platform", "add", &url]).code, Some(0));
+    let platform = Platform::attach_to(&two.control).unwrap();
+    let agent = platform.agent("clerk@robot2").unwrap();
+    for n in 0..AGENTS {
+        let register = Message::new(Performative::Request)
+            .to("df@robot2")
+            .ontology("fipa-agent-management")
+            .language("fipa-sl0")
+            .content(format!(
+                "((action df@robot2 (register (df-agent-description \
+                 :name (agent-identifier :name a{n}@robot2) \
+                 :services (set (service-description :name s{n} :type many))))))"
+            ));
+        let answer = agent.request(register, PATIENCE).unwrap();
+        assert_eq!(answer.performative, Performative::Inform);
+    }
+    let search = ["df", "search", "--service-type", "many", "--json"];
+    let all = two.run(&search);
+    assert_eq!((all.json().len(), all.errors), (AGENTS, vec![]));
+    let some = one.run(&[&search[..], &["--df", "df@robot2"]].concat());
+    assert_eq!((some.code, some.json().len()), (Some(0), 1000));
+    let [said] = &some.errors[..] else {
+        panic!("{:?}", some.errors);
+    };
+    assert!(
+        said.contains("df@robot2 knows more than it tells at once"),
+        "{said}"
+    );
+    let wanted = one.run(&[&search[..], &["--df", "df@robot2", "--max", "10"]].concat());
+    assert_eq!((wanted.json().len(), wanted.errors), (10, vec![]));
 }
 
 #[test]

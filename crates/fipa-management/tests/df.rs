@@ -148,7 +148,7 @@ fn every_part_of_a_template_must_match() {
 #[test]
 fn as_many_are_found_as_are_wanted_in_the_order_of_their_registration() {
     let mut world = World::with(DfConfig {
-        max_results: 4,
+        max_foreign_results: 4,
         ..DfConfig::new(DF, "u")
     });
     for name in ["e", "d", "c", "b", "a"] {
@@ -164,6 +164,46 @@ fn as_many_are_found_as_are_wanted_in_the_order_of_their_registration() {
         world.search(all, ":max-results 1000000"),
         ["e", "d", "c", "b"]
     );
+}
+
+#[test]
+fn who_is_given_fewer_than_there_are_and_wanted_more_is_told() {
+    let mut world = World::with(DfConfig {
+        max_results: 4,
+        max_foreign_results: 2,
+        ..DfConfig::new(DF, "u")
+    });
+    let names = ["a", "b", "c", "d"];
+    for name in names {
+        let description = format!("(df-agent-description :name (agent-identifier :name {name}))");
+        world.register(&description).unwrap();
+    }
+    for (origin, wanted, given, more) in [
+        (Origin::Local, -1, 4, false),
+        (Origin::Foreign, -1, 2, true),
+        (Origin::Foreign, 3, 2, true),
+        (Origin::Foreign, 2, 2, false),
+        (Origin::Foreign, 1, 1, false),
+    ] {
+        let constraints = SearchConstraints {
+            max_results: Some(wanted),
+            ..SearchConstraints::default()
+        };
+        let (df, all) = (DF.into(), DfAgentDescription::default());
+        let search = client::df_search_request(&df, &all, &constraints).from_agent("me");
+        let answer = world.ask(origin, search);
+        let found = client::search_result(&answer).unwrap();
+        let found = found.iter().map(|d| &*d.name.as_ref().unwrap().name);
+        let found: Vec<&str> = found.collect();
+        assert_eq!(found, names[..given], "{origin:?} {wanted}");
+        assert_eq!(client::has_more(&answer), more, "{origin:?} {wanted}");
+        let subscribe = client::df_subscribe_request(&df, &all, &constraints)
+            .from_agent("me")
+            .conversation_id("c");
+        let told = world.ask(origin, subscribe);
+        assert_eq!(client::notification(&told).unwrap().len(), given);
+        assert_eq!(client::has_more(&told), more, "{origin:?} {wanted}");
+    }
 }
 
 #[test]

@@ -227,7 +227,17 @@ async fn find(args: &Search) -> Result<(), Failure> {
     if found.is_empty() {
         return Err(Failure::no(format_args!("{df} knows nothing like that")));
     }
-    found.iter().try_for_each(|found| args.asked.show(found))
+    found.iter().try_for_each(|found| args.asked.show(found))?;
+    warn_of_more(&df, &answer);
+    Ok(())
+}
+
+/// Nobody shall take what was printed for all that there is.
+fn warn_of_more(df: &AgentId, told: &fipa::Message) {
+    if client::has_more(told) {
+        let name = &df.name;
+        eprintln!("fipa: {name} knows more than it tells at once: look for something narrower");
+    }
 }
 
 async fn enter(args: &Register) -> Result<(), Failure> {
@@ -307,6 +317,7 @@ async fn watch(args: &Subscribe) -> Result<(), Failure> {
         };
         let told = client::notification(&message).map_err(Failure::no)?;
         told.iter().try_for_each(|one| args.asked.show(one))?;
+        warn_of_more(&df, &message);
     }
     let cancel = client::df_cancel_request(&df, &subscribe);
     agent.send_within(cancel, Duration::from_secs(1)).await;

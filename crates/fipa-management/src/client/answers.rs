@@ -1,7 +1,10 @@
-use fipa_acl::{Message, Performative, Text};
+use fipa_acl::{Message, Performative, Text, UserDefined};
 use fipa_sl::{Content, FrameError, Limits, ParseError, Term};
 
 use crate::{AmsAgentDescription, ApDescription, DfAgentDescription, Reason};
+
+/// The parameter by which our DF tells that there is more.
+pub(crate) const MORE: &str = "More-Results";
 
 /// Why a message is not the answer that was hoped for.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -33,6 +36,14 @@ pub enum AnswerError {
 /// The descriptions that a DF found.
 pub fn search_result(answer: &Message) -> Result<Vec<DfAgentDescription>, AnswerError> {
     objects(answer, "result", |term| DfAgentDescription::try_from(term))
+}
+
+/// Whether a DF knows more than it tells in its answer to a search, or in the first notification of a
+/// subscription, though more was wanted. Ours says so in a parameter of its own, `X-More-Results`;
+/// JADE's says nothing.
+pub fn has_more(message: &Message) -> bool {
+    let is_mark = |given: &UserDefined| given.name.eq_ignore_ascii_case(MORE);
+    message.user_defined.iter().any(is_mark)
 }
 
 /// The descriptions that a DF tells a subscriber. One that has nothing but its name matches no
@@ -106,9 +117,16 @@ fn informed(answer: &Message) -> Result<Term, AnswerError> {
     }
 }
 
+/// All that our DF may know at the most.
+const LIMITS: Limits = Limits {
+    max_octets: 64 << 20,
+    max_depth: 64,
+    max_terms: 4 << 20,
+};
+
 fn content(message: &Message) -> Result<Content, ParseError> {
     let octets = message.content.clone().unwrap_or_default();
-    Content::parse(&octets, &Limits::default())
+    Content::parse(&octets, &LIMITS)
 }
 
 /// Why a request came to nothing: the last of what is said. Some peers write the reason without

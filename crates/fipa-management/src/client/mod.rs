@@ -21,8 +21,10 @@ mod federation;
 mod platforms;
 mod requests;
 
+pub(crate) use answers::MORE;
 pub use answers::{
-    AnswerError, agents_result, description_result, done, notification, registered, search_result,
+    AnswerError, agents_result, description_result, done, has_more, notification, registered,
+    search_result,
 };
 pub use federation::{df_federate_request, df_leave_request};
 pub use platforms::{platform_answer, platform_request, platform_result, requested_platform};

@@ -19,7 +19,7 @@ use self::search::Search;
 use self::store::Store;
 use self::subscriptions::Subscriptions;
 use crate::answer::{Action, Outcome, answer, not_taken};
-use crate::{DfAgentDescription, DirectoryView, KnownAgent, Origin, Reason};
+use crate::{DfAgentDescription, DirectoryView, KnownAgent, Origin, Reason, SearchConstraints};
 
 /// What a directory facilitator is made with.
 #[derive(Clone, Debug)]
@@ -32,8 +32,11 @@ pub struct DfConfig {
     pub max_lease: Option<Duration>,
     /// Descriptions that may be registered at the same time.
     pub max_descriptions: usize,
-    /// Descriptions that one search finds at most.
+    /// Descriptions that one search finds at most for an agent of this platform. Who wanted more is
+    /// told that there are more.
     pub max_results: usize,
+    /// The same for agents of other platforms.
+    pub max_foreign_results: usize,
     /// Subscriptions at the same time.
     pub max_subscriptions: usize,
     /// Searches that may wait for other DFs at the same time; more are answered without them.
@@ -52,7 +55,8 @@ impl DfConfig {
             unique: unique.into(),
             max_lease: None,
             max_descriptions: 20_000,
-            max_results: 1000,
+            max_results: 30_000,
+            max_foreign_results: 1000,
             max_subscriptions: 1000,
             max_searches: 1000,
             max_federated: 100,
@@ -122,7 +126,7 @@ impl Df {
         self.handle_timeout(now);
         match message.performative {
             Performative::Request => self.request(now, origin, message, directory),
-            Performative::Subscribe => self.subscribe(message, directory),
+            Performative::Subscribe => self.subscribe(origin, message, directory),
             Performative::Cancel => self.cancel(message),
             Performative::Inform
             | Performative::Failure
@@ -190,6 +194,16 @@ impl Df {
         let told = self.subscriptions.changed(before, after).into_iter();
         self.outputs
             .extend(told.map(|message| DfOutput::Send(Box::new(message))));
+    }
+
+    /// How many descriptions are given to who wants so many, and whether that may be too few.
+    fn limit(&self, origin: Origin, constraints: &SearchConstraints) -> (usize, bool) {
+        let most = match origin {
+            Origin::Local => self.config.max_results,
+            Origin::Foreign => self.config.max_foreign_results,
+        };
+        let limit = constraints.limit(most);
+        (limit, constraints.limit(usize::MAX) > limit)
     }
 
     fn answer(&mut self, message: &Message, action: Option<&Action>, outcome: Outcome) {

@@ -7,6 +7,7 @@ use fipa_directory::Now;
 use fipa_sl::{Arguments, Content, Functional, Term};
 
 use super::Df;
+use super::search::marked;
 use super::subscriptions::Subscription;
 use crate::answer::{Action, Outcome, check_terms_of, read_content, reply};
 use crate::objects::{DF_DESCRIPTION, SERVICE_DESCRIPTION};
@@ -28,7 +29,7 @@ impl Df {
             Err(outcome) => return self.answer(message, None, outcome),
         };
         if action.function.is("search") {
-            return self.search(now, message, action, directory);
+            return self.search(now, (origin, message), action, directory);
         }
         let outcome = self.perform(now, origin, message, &mut action, directory);
         let outcome = outcome.unwrap_or_else(|outcome| outcome);
@@ -120,7 +121,12 @@ impl Df {
         Some(now.mono.saturating_add(span))
     }
 
-    pub(super) fn subscribe(&mut self, message: &Message, directory: &dyn DirectoryView) {
+    pub(super) fn subscribe(
+        &mut self,
+        origin: Origin,
+        message: &Message,
+        directory: &dyn DirectoryView,
+    ) {
         let subscription = check_terms_of(message)
             .and_then(|()| Subscription::of(&self.config.name, message))
             .and_then(|subscription| {
@@ -134,10 +140,11 @@ impl Df {
             Ok(subscription) => subscription,
             Err(outcome) => return self.answer(message, None, outcome),
         };
-        let limit = subscription.constraints.limit(self.config.max_results);
-        let found = self.find(&subscription.template, limit, directory);
+        let limit = self.limit(origin, &subscription.constraints);
+        let (found, more) = self.find(&subscription.template, limit, directory);
         if !found.is_empty() {
-            self.send(Some(subscription.notification(&found)));
+            let notification = subscription.notification(&found);
+            self.send(Some(marked(notification, more)));
         }
         self.subscriptions.insert(message, subscription);
     }

@@ -10,9 +10,10 @@ use fipa_sl::Term;
 
 use super::questions::{About, Question};
 use super::{Df, described, matching};
-use crate::answer::{Action, Outcome};
+use crate::answer::{Action, Outcome, answer};
+use crate::client::MORE;
 use crate::objects::{CONSTRAINTS, DF_DESCRIPTION};
-use crate::{DfAgentDescription, DirectoryView, Reason, SearchConstraints, client};
+use crate::{DfAgentDescription, DirectoryView, Origin, Reason, SearchConstraints, client};
 
 /// However soon an answer is wanted, clocks may differ by so much.
 const SHORTEST_WAIT: Duration = Duration::from_secs(1);
@@ -26,6 +27,10 @@ pub(super) struct Search {
     found: Vec<DfAgentDescription>,
     names: HashSet<Text>,
     limit: usize,
+    /// More were wanted than the limit allows.
+    limited: bool,
+    /// There are more than are told, though they were wanted.
+    more: bool,
     /// DFs that have not answered yet.
     waiting: usize,
 }
@@ -37,8 +42,14 @@ impl Search {
             let Some(name) = description.name.as_ref().map(|agent| agent.name.clone()) else {
                 continue;
             };
-            if self.found.len() < self.limit && self.names.insert(name) {
+            if self.names.contains(&name) {
+                continue;
+            }
+            if self.found.len() < self.limit {
+                self.names.insert(name);
                 self.found.push(description);
+            } else {
+                self.more |= self.limited;
             }
         }
     }
@@ -48,7 +59,7 @@ impl Df {
     pub(super) fn search(
         &mut self,
         now: Now,
-        message: &Message,
+        (origin, message): (Origin, &Message),
         action: Action,
         directory: &dyn DirectoryView,
     ) {
@@ -62,8 +73,8 @@ impl Df {
             let served = Reason::InternalError(Text::from_static("search-id already served"));
             return self.answer(message, Some(&action), Outcome::Failed(served));
         }
-        let limit = constraints.limit(self.config.max_results);
-        let found = self.find(&template, limit, directory);
+        let (limit, limited) = self.limit(origin, &constraints);
+        let (found, more) = self.find(&template, (limit, limited), directory);
         let others = self.others_to_ask(message, &constraints, limit.saturating_sub(found.len()));
         let search = Search {
             request: Message {
@@ -74,6 +85,8 @@ impl Df {
             names: names_of(&found),
             found,
             limit,
+            limited,
+            more,
             waiting: others.len(),
         };
         if others.is_empty() {
@@ -83,8 +96,22 @@ impl Df {
         self.ask_others(now, search, others, &template, constraints, wanted);
     }
 
-    /// What matches here: what was registered, then what the directory knows beside that.
+    /// What matches here: what was registered, then what the directory knows beside that. Whether
+    /// there is more, where more was wanted than is given.
     pub(super) fn find(
+        &self,
+        template: &DfAgentDescription,
+        (limit, limited): (usize, bool),
+        directory: &dyn DirectoryView,
+    ) -> (Vec<DfAgentDescription>, bool) {
+        let tried = limit.saturating_add(limited.into());
+        let mut found = self.find_some(template, tried, directory);
+        let more = found.len() > limit;
+        found.truncate(limit);
+        (found, more)
+    }
+
+    fn find_some(
         &self,
         template: &DfAgentDescription,
         limit: usize,
@@ -219,6 +246,7 @@ impl Df {
             About::Search(id) => {
                 if let Some(search) = self.searches.get_mut(&id) {
                     search.add(client::search_result(message).unwrap_or_default());
+                    search.more |= search.limited && client::has_more(message);
                 }
                 self.one_less(id);
             }
@@ -241,11 +269,17 @@ impl Df {
 
     fn finish(&mut self, search: Search) {
         let items = search.found.iter().map(Term::from).collect();
-        self.answer(
-            &search.request,
-            Some(&search.action),
-            Outcome::Result(items),
-        );
+        let (name, outcome) = (&self.config.name, Outcome::Result(items));
+        let answer = answer(name, &search.request, Some(&search.action), outcome);
+        self.send(answer.map(|answer| marked(answer, search.more)));
+    }
+}
+
+/// Tells that there is more than what is told, if there is.
+pub(super) fn marked(message: Message, more: bool) -> Message {
+    match more {
+        true => message.user_defined(MORE, "true"),
+        false => message,
     }
 }
 
