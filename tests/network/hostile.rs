@@ -289,9 +289,27 @@ fn an_agent_that_never_reads_costs_others_nothing() {
 
 #[test]
 fn what_strangers_do_again_and_again_is_logged_ten_times_a_minute_and_then_counted() {
+    let logged = logged_of_a_hundred("warn,fipa=info");
+    assert_eq!(count(&logged, "neither a link nor a letter begins"), 10);
+    let left_out = "90 more notices about tcp://127.0.0.1 within a minute are left out";
+    assert_eq!(count(&logged, left_out), 1, "{logged:?}");
+}
+
+#[test]
+fn nothing_is_left_out_for_who_looks_for_a_fault() {
+    let logged = logged_of_a_hundred("warn,fipa=debug");
+    assert_eq!(count(&logged, "neither a link nor a letter begins"), 100);
+}
+
+fn count(logged: &[String], what: &str) -> usize {
+    logged.iter().filter(|line| line.contains(what)).count()
+}
+
+/// What a daemon logs, at these levels, of a hundred strangers who say something wrong.
+fn logged_of_a_hundred(levels: &str) -> Vec<String> {
     let place = Place::new();
     let mut command = place.fipad("robot1");
-    command.env("FIPA_LOG", "warn,fipa=info").arg("--no-mdns");
+    command.env("FIPA_LOG", levels).arg("--no-mdns");
     let daemon = Daemon::start(command);
     let endpoint = daemon.endpoint().trim_start_matches("tcp://");
     for _ in 0..100 {
@@ -300,14 +318,7 @@ fn what_strangers_do_again_and_again_is_logged_ten_times_a_minute_and_then_count
         let _ = std::io::copy(&mut stranger, &mut std::io::sink());
     }
     daemon.signal(Signal::TERM);
-    let logged = daemon.into_process().wait().errors;
-    let about = |what: &str| logged.iter().filter(|line| line.contains(what)).count();
-    assert_eq!(about("is lost: neither a link nor a letter begins"), 10);
-    assert_eq!(
-        about("90 more notices about tcp://127.0.0.1 within a minute are left out"),
-        1,
-        "{logged:?}"
-    );
+    daemon.into_process().wait().errors
 }
 
 /// Numbers that look random, the same each time.

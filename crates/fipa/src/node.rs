@@ -172,8 +172,10 @@ impl Hub {
     /// Logs a notice and hands it to whoever listens, unless there are too many of its kind.
     fn tell(&mut self, now: Now, notice: &Notice) {
         self.tell_left_out(now);
-        if self.restraint.allows(now.mono, notice) {
-            self.say(notice);
+        match self.restraint.allows(now.mono, notice) {
+            true => self.say(notice),
+            // Who asks for more wants to drown in it.
+            false => tracing::debug!("{notice}"),
         }
     }
 
