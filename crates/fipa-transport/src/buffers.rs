@@ -3,13 +3,14 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use bytes::BytesMut;
 
-/// Octets of a buffer.
-pub(crate) const CHUNK: usize = 64 << 10;
+/// Octets of a buffer: the more are read at once, the seldomer others are woken.
+pub(crate) const CHUNK: usize = 256 << 10;
 
 /// A buffer with less room than this is full.
-pub(crate) const ROOM: usize = CHUNK / 2;
+pub(crate) const ROOM: usize = 32 << 10;
 
-/// Full buffers that are kept: 16 MiB.
+/// Full buffers that are kept: 64 MiB. Where slices of so many are in use, which may be small ones,
+/// further buffers have no more than [`ROOM`].
 const KEPT: usize = 256;
 
 /// Full buffers that are looked at when one is wanted.
@@ -32,28 +33,50 @@ struct Pool {
     full: VecDeque<BytesMut>,
 }
 
+/// A buffer that was taken.
+#[derive(Debug)]
+pub(crate) struct Taken {
+    pub(crate) octets: BytesMut,
+    is_kept: bool,
+}
+
 impl Buffers {
     /// A buffer with [`ROOM`] at least.
-    pub(crate) fn take(&self) -> BytesMut {
+    pub(crate) fn take(&self) -> Taken {
+        let kept = |octets| Taken {
+            octets,
+            is_kept: true,
+        };
         let mut pool = self.lock();
         if let Some(open) = pool.open.pop() {
-            return open;
+            return kept(open);
         }
         for _ in 0..TRIES.min(pool.full.len()) {
             let Some(mut buffer) = pool.full.pop_front() else {
                 break;
             };
             if buffer.try_reclaim(CHUNK) {
-                return buffer;
+                return kept(buffer);
             }
             pool.full.push_back(buffer);
         }
+        let is_kept = pool.full.len() < KEPT;
         drop(pool);
-        BytesMut::with_capacity(CHUNK)
+        Taken {
+            octets: BytesMut::with_capacity(if is_kept { CHUNK } else { ROOM }),
+            is_kept,
+        }
     }
 
     /// Takes a buffer back of which nothing is used but the slices that were split off.
-    pub(crate) fn give(&self, mut buffer: BytesMut) {
+    pub(crate) fn give(&self, taken: Taken) {
+        let Taken {
+            octets: mut buffer,
+            is_kept,
+        } = taken;
+        if !is_kept {
+            return;
+        }
         buffer.clear();
         let open = buffer.capacity() >= ROOM || buffer.try_reclaim(CHUNK);
         let mut pool = self.lock();
@@ -79,8 +102,8 @@ mod tests {
     /// Reads so many octets of this value: all of them are split off.
     fn read(buffers: &Buffers, octets: usize, value: u8) -> bytes::Bytes {
         let mut buffer = buffers.take();
-        buffer.resize(octets, value);
-        let slice = buffer.split().freeze();
+        buffer.octets.resize(octets, value);
+        let slice = buffer.octets.split().freeze();
         buffers.give(buffer);
         slice
     }
@@ -106,10 +129,13 @@ mod tests {
     }
 
     #[test]
-    fn buffers_that_stay_in_use_are_not_kept_without_bound() {
+    fn where_many_buffers_stay_in_use_further_ones_are_small_and_not_kept() {
         let buffers = Buffers::default();
-        let _held: Vec<_> = (0..2 * KEPT).map(|_| read(&buffers, CHUNK, 1)).collect();
+        let mut held: Vec<_> = (0..KEPT).map(|_| read(&buffers, CHUNK, 1)).collect();
+        held.extend((0..KEPT).map(|_| read(&buffers, ROOM, 1)));
         assert_eq!(buffers.lock().full.len(), KEPT);
-        assert_eq!(buffers.take().capacity(), CHUNK);
+        assert_eq!(buffers.take().octets.capacity(), ROOM);
+        held.clear();
+        assert_eq!(buffers.take().octets.capacity(), CHUNK);
     }
 }

@@ -246,14 +246,15 @@ fn read(
     if rest.len() >= LARGE {
         return read_on(cx, stream, rest, driver);
     }
-    let mut buffer = buffers.take();
+    let mut taken = buffers.take();
+    let buffer = &mut taken.octets;
     buffer.extend_from_slice(rest);
-    let read = stream.poll_read(cx, &mut buffer);
+    let read = stream.poll_read(cx, buffer);
     if let Poll::Ready(Ok(_)) = read {
-        driver.received(&mut buffer);
-        keep(rest, &buffer);
+        driver.received(buffer);
+        keep(rest, buffer);
     }
-    buffers.give(buffer);
+    buffers.give(taken);
     filled(read)
 }
 

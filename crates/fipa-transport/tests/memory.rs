@@ -195,7 +195,7 @@ async fn letters_that_do_not_end_hold_what_came_of_them() {
         tokio::time::sleep(Duration::from_millis(200)).await;
         let each = (held() - before) / STALLED as isize;
         println!("{came} octets came: {each} are held a letter");
-        // A piece of 16 KiB may be all that is used of a buffer of 64 KiB.
+        // A piece of 16 KiB may be all that is used of a buffer.
         assert!(each <= 4 * came as isize + (8 << 10), "{came}: {each}");
     }
 }

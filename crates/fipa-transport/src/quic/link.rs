@@ -395,13 +395,14 @@ impl Both {
             self.hand_over(driver);
             return Ok(true);
         }
-        let mut buffer = buffers.take();
+        let mut taken = buffers.take();
+        let buffer = &mut taken.octets;
         buffer.reserve(self.rest.len() + octets);
         buffer.extend_from_slice(&self.rest);
         come.iter().for_each(|c| buffer.extend_from_slice(c));
-        self.held = !offer(self.lane, &mut buffer, driver);
-        keep(&mut self.rest, &buffer);
-        buffers.give(buffer);
+        self.held = !offer(self.lane, buffer, driver);
+        keep(&mut self.rest, buffer);
+        buffers.give(taken);
         Ok(true)
     }
 
