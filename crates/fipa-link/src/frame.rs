@@ -229,6 +229,15 @@ impl Frame {
         letter
     }
 
+    /// Appends a [`Frame::Letter`] with all its parts.
+    pub(crate) fn encode_copied(letter: &LetterFrame, out: &mut BytesMut, checked: bool) {
+        let body = check::begin(out, Frame::LETTER, checked);
+        out.put_u64(letter.id);
+        out.put_u32(letter.ttl_millis);
+        letter.parts.iter().for_each(|part| out.put_slice(part));
+        check::finish(out, body, checked, &Parts::default());
+    }
+
     /// Reads a frame from its kind and body. A letter shares the body's buffer.
     pub fn decode(kind: u8, body: Bytes) -> Result<Frame, FrameError> {
         if kind == Frame::HELLO {

@@ -252,15 +252,15 @@ impl Link {
 
     /// Queues a letter, on this lane if the link has any.
     pub fn send_letter(&mut self, now: Now, lane: usize, letter: LetterFrame) {
-        let frame = Frame::Letter(letter);
         let Some(lanes) = self.lanes.as_mut().filter(|_| lane < LANES) else {
-            return self.send(now, frame);
+            return self.send(now, Frame::Letter(letter));
         };
         (self.last_letter, self.last_sent) = (Some(now.mono), now.mono);
         let before = lanes.sends_letter(lane);
         if let Some(out) = lanes.out.get_mut(lane) {
             out.checked = self.out.checked;
-            before.into_iter().chain([frame]).for_each(|f| out.push(f));
+            before.into_iter().for_each(|frame| out.push(frame));
+            out.push_packed(letter);
         }
     }
 

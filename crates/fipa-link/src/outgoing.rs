@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use bytes::{Bytes, BytesMut};
 
 use crate::frame::COPIED;
-use crate::{Frame, Parts, ReceiverOutcome};
+use crate::{Frame, LetterFrame, Parts, ReceiverOutcome};
 
 /// Octets of the buffer in which frames and small letters are written: of a link at rest, and of one
 /// that is at work.
@@ -58,6 +58,19 @@ impl Outgoing {
         let before = self.tail.len();
         let letter = Frame::encode_letter(head, front, letter, &mut self.tail, self.checked);
         self.pushed(before, letter);
+    }
+
+    /// A letter that is copied if it is small: on a stream that is cut into packets every part takes
+    /// time in each of them.
+    pub(crate) fn push_packed(&mut self, letter: LetterFrame) {
+        let octets = letter.parts.octets();
+        if octets > COPIED {
+            return self.push(Frame::Letter(letter));
+        }
+        self.make_room(FRAME + octets);
+        let before = self.tail.len();
+        Frame::encode_copied(&letter, &mut self.tail, self.checked);
+        self.pushed(before, Parts::default());
     }
 
     /// Counts what was written behind those octets, and puts the parts behind it that follow.
