@@ -51,10 +51,10 @@ const IDLE: Duration = Duration::from_secs(75);
 /// Something goes out so often, that a way through a firewall is not forgotten.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
 
-/// Octets that the other side may send before it hears that they were read, of a stream and of all
-/// of them: at 20 MB/s, as many as are under way in a fifth of a second.
-const STREAM_WINDOW: VarInt = VarInt::from_u32(4 << 20);
-const WINDOW: VarInt = VarInt::from_u32(8 << 20);
+/// Octets of a stream that the other side may send before it hears that they were read: at 10 MB/s,
+/// as many as are under way in a fifth of a second. There is no bound for all streams together: a lane
+/// that waits for what comes on the main stream must not keep it from coming.
+const WINDOW: VarInt = VarInt::from_u32(2 << 20);
 
 /// Addresses of which tickets are kept.
 const MAX_KNOWN: usize = 256;
@@ -194,8 +194,7 @@ fn transport() -> Result<TransportConfig, KeyError> {
         .max_idle_timeout(Some(idle))
         .keep_alive_interval(Some(KEEP_ALIVE))
         .congestion_controller_factory(Arc::new(Patience))
-        .stream_receive_window(STREAM_WINDOW)
-        .receive_window(WINDOW)
+        .stream_receive_window(WINDOW)
         .max_concurrent_bidi_streams(1_u32.into())
         .max_concurrent_uni_streams(VarInt::from_u32(LANES as u32))
         .datagram_receive_buffer_size(None);

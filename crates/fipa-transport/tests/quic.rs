@@ -131,7 +131,7 @@ impl Driver for Both {
     }
 
     fn received_on(&self, lane: usize, octets: &mut BytesMut) -> bool {
-        if lane == 0 && self.holds.load(Ordering::Relaxed) {
+        if lane + 1 < LANES && self.holds.load(Ordering::Relaxed) {
             return false;
         }
         self.come(1 + lane, octets);
@@ -300,19 +300,22 @@ async fn much_goes_both_ways_on_all_streams_and_the_end_is_an_end() {
 }
 
 #[tokio::test]
-async fn a_lane_that_is_full_holds_up_no_other_and_goes_on_when_it_is_wanted() {
+async fn lanes_that_are_full_hold_up_no_other_and_go_on_when_they_are_wanted() {
     let (mut one, mut two) = meet(&anybody(), &anybody(), greetings()).await.unwrap();
     one.hear(0, 8).await;
     two.hear(1, 8).await;
+    two.hear(2, 8).await;
     two.driver.holds.store(true, Ordering::Relaxed);
     let bulk = vec![7; 20 << 20];
     one.say(1, &bulk);
+    one.say(2, &bulk);
     one.say(3, b", urgently");
     assert!(two.hear(3, 18).await.ends_with(b", urgently"));
-    assert_eq!(two.come[1].len(), 8);
-    // Something else has come: it is offered again.
+    assert_eq!([two.come[1].len(), two.come[2].len()], [8, 8]);
+    // Something else has come: they are offered again.
     one.say(0, b"!");
     assert!(two.hear(1, 8 + bulk.len()).await[8..] == bulk);
+    assert!(two.hear(2, 8 + bulk.len()).await[8..] == bulk);
 }
 
 #[tokio::test]
