@@ -223,6 +223,29 @@ fn no_more_is_searched_than_is_wanted() {
 }
 
 #[test]
+fn who_gets_fewer_than_others_know_is_told() {
+    let mut net = Net::new(2);
+    let config = DfConfig {
+        max_foreign_results: 2,
+        ..DfConfig::new("df@robot2", "u")
+    };
+    net.dfs.get_mut("df@robot2").unwrap().0 = Df::new(config);
+    net.federate("df@robot2", "df@robot1");
+    for agent in ["a@robot2", "b@robot2", "c@robot2"] {
+        net.offer(agent, "df@robot2");
+    }
+    for (wanted, given, more) in [(2, 2, false), (3, 2, true), (-1, 2, true)] {
+        let constraints = SearchConstraints {
+            max_results: Some(wanted),
+            ..to_depth(1)
+        };
+        net.search("df@robot1", constraints);
+        assert_eq!(client::has_more(net.answers.last().unwrap()), more);
+        assert_eq!(net.found().len(), given);
+    }
+}
+
+#[test]
 fn a_df_that_is_silent_holds_nobody_up_for_long() {
     let mut net = Net::new(4);
     net.federate("df@robot2", "df@robot1");

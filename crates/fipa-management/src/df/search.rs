@@ -29,7 +29,7 @@ pub(super) struct Search {
     limit: usize,
     /// More were wanted than the limit allows.
     limited: bool,
-    /// There are more than are told, though they were wanted.
+    /// There are more than are told, here or at others.
     more: bool,
     /// DFs that have not answered yet.
     waiting: usize,
@@ -246,7 +246,7 @@ impl Df {
             About::Search(id) => {
                 if let Some(search) = self.searches.get_mut(&id) {
                     search.add(client::search_result(message).unwrap_or_default());
-                    search.more |= search.limited && client::has_more(message);
+                    search.more |= client::has_more(message);
                 }
                 self.one_less(id);
             }
@@ -268,10 +268,12 @@ impl Df {
     }
 
     fn finish(&mut self, search: Search) {
+        // Others may know more, which is no matter where enough was found.
+        let more = search.more && (search.limited || search.found.len() < search.limit);
         let items = search.found.iter().map(Term::from).collect();
         let (name, outcome) = (&self.config.name, Outcome::Result(items));
         let answer = answer(name, &search.request, Some(&search.action), outcome);
-        self.send(answer.map(|answer| marked(answer, search.more)));
+        self.send(answer.map(|answer| marked(answer, more)));
     }
 }
 
