@@ -38,7 +38,8 @@ pub use config::{Config, ProgramConfig};
 pub use failure::DeliveryFailure;
 pub use machine::{
     Announced, Arrived, ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostFailure,
-    PostId, PostedLetter, Refusal, RegisterError, Registration, SentLetter, Submission, is_full,
+    PostId, PostedLetter, Refusal, RegisterError, Registration, SentLetter, Submission, TakenOver,
+    is_full,
 };
 pub use mailbox::{Mailbox, MailboxFull};
 pub use mts::{Mts, ONLY_FLEET};

@@ -177,6 +177,17 @@ pub struct PostedLetter {
     pub payload_type: Text,
     /// How long the answer is waited for.
     pub timeout: Duration,
+    /// It is posted behind those that were posted so to the same place, and before they are
+    /// answered: the place takes letters in their order, and knows which it has.
+    pub in_series: bool,
+}
+
+/// What is known once a letter was taken over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TakenOver {
+    /// How many letters the place takes before it has answered the first one: less than two if
+    /// each must wait for the answer to the one in front.
+    pub ahead: usize,
 }
 
 /// A letter to be handed over whole by a transport that is plugged in.
@@ -220,6 +231,9 @@ pub struct Arrived {
     pub connection: u64,
     /// How many requests came over the connection before.
     pub earlier: u64,
+    /// The series of letters to which it belongs, and its number there, if the sender told them.
+    /// Letters of a series come in the order of their numbers; one that comes again is a copy.
+    pub number: Option<(u64, u64)>,
 }
 
 /// Why a letter that was posted is not taken over.
@@ -514,7 +528,7 @@ pub trait Machine {
     /// What became of an [`Output::Post`] or an [`Output::Send`].
     ///
     /// Only a service posts.
-    fn posted(&mut self, now: Now, post: PostId, result: Result<(), PostFailure>) {
+    fn posted(&mut self, now: Now, post: PostId, result: Result<TakenOver, PostFailure>) {
         let _ = (now, post, result);
     }
     /// The next octets to write to a connection.

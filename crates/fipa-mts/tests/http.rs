@@ -9,7 +9,7 @@ use fipa_directory::{Address, InstanceId, Now};
 use fipa_link::{Outcome, ReceiverOutcome};
 use fipa_mts::{
     Arrived, Config, DeliveryFailure, Machine, Mts, Output, PostFailure, PostedLetter, Refusal,
-    Registration, Submission,
+    Registration, Submission, TakenOver,
 };
 
 const OWN: &str = "http://10.0.0.5:7778/acc";
@@ -83,7 +83,14 @@ impl Service {
     }
 
     fn answer(&mut self, letter: &PostedLetter, result: Result<(), PostFailure>) {
+        let result = result.map(|()| TakenOver::default());
         self.mts.posted(self.now, letter.post, result);
+    }
+
+    /// It is taken over, and so many may be on their way to the same place.
+    fn take_over(&mut self, letter: &PostedLetter, ahead: usize) {
+        let taken = TakenOver { ahead };
+        self.mts.posted(self.now, letter.post, Ok(taken));
     }
 
     fn outcome(&mut self) -> ReceiverOutcome {
@@ -116,6 +123,7 @@ impl Service {
             remote: Text::from_static("http://10.0.0.9:4711"),
             connection,
             earlier,
+            number: None,
         };
         self.mts.letter_arrived(self.now, arrived)
     }
@@ -382,6 +390,7 @@ fn what_cannot_be_read_is_refused() {
         remote: Text::default(),
         connection: 1,
         earlier: 0,
+        number: None,
     };
     for envelope in ["", "<envelope>", "hello", "<other/>"] {
         let refused = service.mts.letter_arrived(service.now, arrived(envelope));
@@ -407,4 +416,139 @@ fn an_address_of_a_link_is_tried_as_a_link_where_it_comes_first() {
         _ => None,
     });
     assert_eq!(dialled, Some(vec![Address::tcp("10.0.0.9", 4100)]));
+}
+
+const PLACE: &str = "http://10.0.0.9:7778/acc";
+
+/// A message to one of several receivers at one place.
+fn numbered(receiver: &'static str, number: usize) -> Message {
+    let receiver = AgentId::new(receiver).address(PLACE);
+    Message::new(Performative::Inform)
+        .from_agent("a@robot1")
+        .to(receiver)
+        .content(format!("<{number}>"))
+}
+
+/// Which receivers' letters these are, and what number each has.
+fn read(posts: &[PostedLetter]) -> Vec<(String, usize)> {
+    let read = posts.iter().map(|letter| {
+        let (envelope, _) = decode_envelope(&letter.envelope, &Limits::default()).unwrap();
+        let payload = String::from_utf8_lossy(&letter.payload).into_owned();
+        let number = payload.split(['<', '>']).nth(1).unwrap().parse().unwrap();
+        (envelope.intended_receiver()[0].name.to_string(), number)
+    });
+    read.collect()
+}
+
+fn numbers(posts: &[PostedLetter]) -> Vec<usize> {
+    read(posts).into_iter().map(|(_, number)| number).collect()
+}
+
+/// A service that knows that eight letters may be on their way to the place.
+fn eight_ahead() -> Service {
+    let mut service = Service::new();
+    service.send(numbered("b@platB", 0));
+    let first = service.post();
+    assert!(!first.in_series);
+    service.take_over(&first, 8);
+    service.outputs();
+    service
+}
+
+#[test]
+fn a_place_that_takes_letters_ahead_gets_them_in_order_before_it_answers() {
+    let mut service = eight_ahead();
+    for number in 0..12 {
+        service.send(numbered("b@platB", number));
+    }
+    let mut posts = service.posts();
+    assert_eq!(numbers(&posts), (0..8).collect::<Vec<_>>());
+    for number in 8..12 {
+        service.take_over(&posts.remove(0), 8);
+        let next = service.posts();
+        assert_eq!(numbers(&next), [number]);
+        posts.extend(next);
+    }
+    assert!(posts.iter().all(|letter| letter.in_series));
+    // It does not any more: what follows waits for all of them.
+    service.take_over(&posts.remove(0), 0);
+    service.send(numbered("b@platB", 12));
+    for letter in posts {
+        assert!(service.posts().is_empty());
+        service.take_over(&letter, 0);
+    }
+    let last = service.post();
+    assert!(!last.in_series);
+    assert_eq!(numbers(&[last]), [12]);
+}
+
+#[test]
+fn nothing_follows_a_letter_that_is_posted_alone_or_is_large() {
+    let mut service = Service::new();
+    service.send(numbered("b@platB", 0));
+    service.send(numbered("b@platB", 1));
+    service.send(numbered("c@platB", 2));
+    let [b, c] = service.posts().try_into().unwrap();
+    // Now it is known that letters may follow, but the first one is on its own connection.
+    service.take_over(&c, 8);
+    assert!(service.posts().is_empty());
+    service.take_over(&b, 8);
+    let b = service.post();
+    assert_eq!(
+        (numbers(std::slice::from_ref(&b)), b.in_series),
+        (vec![1], true)
+    );
+    let large = numbered("b@platB", 3).ontology("x".repeat(70_000));
+    service.send(large);
+    service.send(numbered("b@platB", 4));
+    assert!(service.posts().is_empty());
+    service.take_over(&b, 8);
+    let large = service.post();
+    assert_eq!(
+        (numbers(std::slice::from_ref(&large)), large.in_series),
+        (vec![3], false)
+    );
+    service.take_over(&large, 8);
+    assert_eq!(numbers(&service.posts()), [4]);
+}
+
+#[test]
+fn the_first_letters_for_others_do_not_wait_behind_many_for_one() {
+    let mut service = eight_ahead();
+    for number in 0..100 {
+        service.send(numbered("b@platB", number));
+    }
+    assert_eq!(service.posts().len(), 8);
+    service.send(numbered("c@platB", 0));
+    service.send(numbered("d@platB", 0));
+    let names = read(&service.posts()).into_iter().map(|(name, _)| name);
+    assert_eq!(names.collect::<Vec<_>>(), ["c@platB", "d@platB"]);
+}
+
+#[test]
+fn letters_that_come_back_go_again_in_order_one_by_one() {
+    let mut service = eight_ahead();
+    for number in 0..5 {
+        service.send(numbered("b@platB", number));
+    }
+    let posts = service.posts();
+    assert_eq!(posts.len(), 5);
+    service.take_over(&posts[0], 8);
+    let lost = || PostFailure::Unreached("the network is gone".to_owned());
+    service.answer(&posts[1], Err(lost()));
+    let mut again = service.post();
+    for letter in &posts[2..] {
+        service.answer(letter, Err(lost()));
+    }
+    assert!(service.posts().is_empty());
+    for number in 1..5 {
+        assert_eq!(numbers(std::slice::from_ref(&again)), [number]);
+        assert_eq!(again.in_series, number > 1);
+        // Known again, but what came back waits for its turn.
+        service.take_over(&again, 8);
+        if number < 4 {
+            again = service.post();
+        }
+    }
+    assert!(service.posts().is_empty());
 }

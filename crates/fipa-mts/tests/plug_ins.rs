@@ -10,6 +10,7 @@ use fipa_directory::{InstanceId, MESSAGE_TRANSPORT, Now};
 use fipa_link::{Frame, Outcome, ReceiverOutcome, Role};
 use fipa_mts::{
     Config, Machine, Mts, Notice, Output, PostFailure, Registration, SentLetter, Submission,
+    TakenOver,
 };
 
 use support::{Raw, entry, recorded, secs};
@@ -70,6 +71,7 @@ impl Service {
     }
 
     fn answer(&mut self, letter: &SentLetter, result: Result<(), PostFailure>) {
+        let result = result.map(|()| TakenOver::default());
         self.mts.posted(self.now, letter.post, result);
     }
 

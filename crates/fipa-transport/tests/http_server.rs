@@ -86,7 +86,8 @@ fn post(headers: &str, body: &str) -> String {
     format!("POST /acc HTTP/1.1\r\nHost: h\r\n{headers}Content-Length: {length}\r\n\r\n{body}")
 }
 
-const TAKEN: &str = "HTTP/1.1 200 OK\r\nConnection: Keep-Alive\r\nContent-Length: 0\r\n\r\n";
+const TAKEN: &str =
+    "HTTP/1.1 200 OK\r\nConnection: Keep-Alive\r\nX-Ahead: 64\r\nContent-Length: 0\r\n\r\n";
 
 #[tokio::test]
 async fn a_letter_is_answered_at_once_and_the_connection_stays() {

@@ -8,10 +8,12 @@ use std::sync::{Arc, Weak};
 use bytes::Bytes;
 use fipa_acl::Text;
 use fipa_directory::{Address, ParseAddressError};
-use fipa_mts::{Arrived, Machine, Mts, PostFailure, PostedLetter, Refusal};
+use fipa_mts::{Arrived, Machine, Mts, PostFailure, PostedLetter, Refusal, TakenOver};
 use fipa_transport::http::{
-    HttpClient, HttpLetter, HttpLimits, HttpReceiver, HttpRefusal, HttpServer, PostError, Posted,
+    self, HttpClient, HttpLetter, HttpLimits, HttpReceiver, HttpRefusal, HttpServer, PostError,
+    Posted,
 };
+use tokio::runtime::Handle;
 
 use crate::Error;
 use crate::management;
@@ -51,25 +53,52 @@ pub(crate) async fn bind(
 }
 
 /// Posts a letter.
-pub(crate) async fn post(client: &HttpClient, letter: &PostedLetter) -> Result<(), PostFailure> {
+pub(crate) async fn post(
+    client: &HttpClient,
+    letter: &PostedLetter,
+) -> Result<TakenOver, PostFailure> {
+    told(client.post(written(letter)?, letter.timeout).await)
+}
+
+/// Posts a letter behind those for which this was called before, and tells what became of it.
+pub(crate) fn post_in_series(
+    client: &HttpClient,
+    letter: &PostedLetter,
+    runtime: &Handle,
+    tell: impl FnOnce(Result<TakenOver, PostFailure>) + Send + 'static,
+) {
+    match written(letter) {
+        Ok(posted) => {
+            let tell = |result| tell(told(result));
+            client.post_in_series(posted, letter.timeout, runtime, tell);
+        }
+        // Not at once: who posts is at work.
+        Err(failure) => drop(runtime.spawn(async move { tell(Err(failure)) })),
+    }
+}
+
+fn written(letter: &PostedLetter) -> Result<HttpLetter<'_>, PostFailure> {
     let Address::Http { host, port, path } = &*letter.address else {
         let reason = format!("nothing is posted to {}", letter.address);
         return Err(PostFailure::Unreached(reason));
     };
-    let posted = HttpLetter {
+    Ok(HttpLetter {
         host,
         port: *port,
         path,
         envelope: &letter.envelope,
         payload: &letter.payload,
         payload_type: &letter.payload_type,
-    };
-    let result = client.post(posted, letter.timeout).await;
-    result.map_err(|error| match error {
-        PostError::Unreached(reason) => PostFailure::Unreached(reason),
-        PostError::Unanswered(reason) => PostFailure::Unanswered(reason),
-        refused => PostFailure::Refused(refused.to_string()),
     })
+}
+
+fn told(result: Result<http::TakenOver, PostError>) -> Result<TakenOver, PostFailure> {
+    match result {
+        Ok(taken) => Ok(TakenOver { ahead: taken.ahead }),
+        Err(PostError::Unreached(reason)) => Err(PostFailure::Unreached(reason)),
+        Err(PostError::Unanswered(reason)) => Err(PostFailure::Unanswered(reason)),
+        Err(refused) => Err(PostFailure::Refused(refused.to_string())),
+    }
 }
 
 /// Takes what is posted to a service, as long as that is there.
@@ -92,6 +121,7 @@ impl HttpReceiver for Inbox {
             remote: Text::from(format!("http://{}", posted.remote)),
             connection: posted.connection,
             earlier: posted.earlier,
+            number: posted.number.map(|number| (number.series, number.number)),
         };
         let taken = node.with(|now, mts, _| mts.letter_arrived(now, arrived));
         taken.map_err(|refusal| match refusal {

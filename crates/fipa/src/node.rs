@@ -11,8 +11,8 @@ use fipa_acl::{Expression, Letter, Message, Text};
 use fipa_directory::{Address, Change, ChangeKind, InstanceId, Now};
 use fipa_link::{CallBack, CallBackResult, CalledBack, Facts, ReceiverOutcome};
 use fipa_mts::{
-    Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostedLetter,
-    RegisterError, SentLetter, Urgency,
+    Announced, ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostFailure, PostId,
+    PostedLetter, RegisterError, SentLetter, TakenOver, Urgency,
 };
 use fipa_outbox::Store;
 use fipa_transport::http::HttpClient;
@@ -397,13 +397,24 @@ impl<M: Machine + Send + 'static> Node<M> {
 
     async fn post(self: Arc<Self>, letter: PostedLetter) {
         let result = http::post(&self.http, &letter).await;
-        self.with(|now, machine, _| machine.posted(now, letter.post, result));
+        self.posted(letter.post, result);
+    }
+
+    /// Begins to post a letter behind those that were begun before.
+    fn post_in_series(self: &Arc<Self>, letter: &PostedLetter) {
+        let (node, post) = (Arc::clone(self), letter.post);
+        let tell = move |result| node.posted(post, result);
+        http::post_in_series(&self.http, letter, &self.runtime, tell);
+    }
+
+    fn posted(self: &Arc<Self>, post: PostId, result: Result<TakenOver, PostFailure>) {
+        self.with(|now, machine, _| machine.posted(now, post, result));
     }
 
     async fn hand_over(self: Arc<Self>, plug_ins: Arc<PlugIns>, letter: SentLetter) {
         let post = letter.post;
         let result = plug_ins.send(letter).await;
-        self.with(|now, machine, _| machine.posted(now, post, result));
+        self.posted(post, result.map(|()| TakenOver::default()));
     }
 
     /// Calls a service at each of these addresses.
@@ -428,6 +439,7 @@ impl<M: Machine + Send + 'static> Node<M> {
                     let dialled = Arc::clone(self).dial(dial, addresses, link);
                     self.runtime.spawn(dialled);
                 }
+                Output::Post(letter) if letter.in_series => self.post_in_series(&letter),
                 Output::Post(letter) => {
                     self.runtime.spawn(Arc::clone(self).post(*letter));
                 }

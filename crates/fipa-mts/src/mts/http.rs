@@ -1,8 +1,8 @@
 //! Letters over HTTP (FIPA SC00084F), to and from JADE: taken over by whoever answers 200, who does
 //! not say what becomes of them.
 
-use std::collections::VecDeque;
 use std::collections::hash_map::DefaultHasher;
+use std::collections::{HashMap, VecDeque};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,12 +14,13 @@ use fipa_directory::{Address, Now};
 use fipa_link::Outcome;
 
 use super::Mts;
+use super::ahead::MAX_LETTER;
 use super::callers::{TIMEOUT, check_names, inbound};
 use super::deliveries::Origin;
 use super::jade;
 use super::notices::Returnable;
 use super::routing::{POSTED, Terms};
-use crate::machine::{Arrived, Output, PostFailure, PostId, PostedLetter, Refusal};
+use crate::machine::{Arrived, Output, PostFailure, PostId, PostedLetter, Refusal, TakenOver};
 
 /// How long a letter is recognised that comes a second time.
 const REMEMBERED: Duration = Duration::from_secs(600);
@@ -78,6 +79,8 @@ fn hash_of(arrived: &Arrived) -> u64 {
 /// the same twice over one connection, or each letter over its own, means it.
 #[derive(Debug, Default)]
 pub(super) struct Recent {
+    /// The greatest number of each series, and when it came.
+    series: HashMap<u64, (u64, Duration)>,
     last: VecDeque<Last>,
     /// Octets of those that are remembered as they came.
     octets: usize,
@@ -86,6 +89,9 @@ pub(super) struct Recent {
 impl Recent {
     /// Notes a letter. Whether it was taken in before.
     fn is_copy(&mut self, now: Now, arrived: &Arrived) -> bool {
+        if let Some(number) = arrived.number {
+            return self.is_numbered_copy(now, number);
+        }
         let (connection, at) = (arrived.connection, now.mono);
         while self.last.len() >= MAX_REMEMBERED
             || self
@@ -123,6 +129,30 @@ impl Recent {
             at,
         });
         false
+    }
+
+    /// Notes a letter of a series. Letters are posted again in their order, and over the old
+    /// connection, if that lives, come later than over the new one: so what is not greater than the
+    /// greatest was taken in before.
+    fn is_numbered_copy(&mut self, now: Now, (series, number): (u64, u64)) -> bool {
+        let at = now.mono;
+        if self.series.len() >= MAX_REMEMBERED && !self.series.contains_key(&series) {
+            self.series.retain(|_, (_, last)| *last + REMEMBERED > at);
+            let last = |(_, (_, last)): &(&u64, &(u64, Duration))| *last;
+            let oldest = self
+                .series
+                .iter()
+                .min_by_key(last)
+                .map(|(series, _)| *series);
+            if let Some(oldest) = oldest.filter(|_| self.series.len() >= MAX_REMEMBERED) {
+                self.series.remove(&oldest);
+            }
+        }
+        let (greatest, last) = self.series.entry(series).or_default();
+        *last = at;
+        let is_copy = number <= *greatest;
+        *greatest = number.max(*greatest);
+        is_copy
     }
 
     /// Whether there was one at this place.
@@ -188,8 +218,11 @@ impl Mts {
         let own = self.post.urls.for_whom(address.is_loopback());
         let written = jade::write(foreign, address, own, &self.config.limits)?;
         let timeout = delivery.deadline.saturating_sub(now.mono);
+        let in_series = self.post.ahead.at(address) > 1 && delivery.octets() <= MAX_LETTER;
+        let is_behind = !self.is_first(id);
         let post = PostId(self.id());
-        self.post.set_out_posted(post, id, Arc::clone(address));
+        self.post
+            .set_out_posted(post, id, Arc::clone(address), in_series, is_behind);
         self.outputs.push_back(Output::Post(Box::new(PostedLetter {
             post,
             address: Arc::clone(address),
@@ -197,6 +230,7 @@ impl Mts {
             payload: written.payload,
             payload_type: written.payload_type,
             timeout,
+            in_series,
         })));
         Ok(())
     }
@@ -212,14 +246,20 @@ impl Mts {
         &mut self,
         now: Now,
         post: PostId,
-        result: Result<(), PostFailure>,
+        result: Result<TakenOver, PostFailure>,
     ) {
         let Some((id, address)) = self.post.come_back(post) else {
             return;
         };
+        match &result {
+            Ok(taken) => self.post.ahead.set(&address, taken.ahead),
+            Err(PostFailure::Refused(_)) => {}
+            // Somebody else may be there meanwhile.
+            Err(_) => self.post.ahead.set(&address, 0),
+        }
         match result {
             _ if !self.deliveries.contains_key(&id) => {}
-            Ok(()) => {
+            Ok(_) => {
                 if let Some(sent) = self.deliveries.get_mut(&id) {
                     sent.via = Some(address.to_text());
                     if let Some(foreign) = &sent.foreign {
@@ -281,7 +321,35 @@ mod tests {
             remote: Text::from_static("http://10.0.0.9:1"),
             connection,
             earlier,
+            number: None,
         }
+    }
+
+    #[test]
+    fn a_letter_of_a_series_is_a_copy_if_its_number_came_already_whatever_the_connection() {
+        let (mut recent, now) = (Recent::default(), Now::default());
+        let mut is_copy = |connection, series, number| {
+            let arrived = Arrived {
+                number: Some((series, number)),
+                ..arrived(connection, 7, "a")
+            };
+            recent.is_copy(now, &arrived)
+        };
+        let come: [bool; 3] = [1, 2, 3].map(|number| is_copy(1, 9, number));
+        assert_eq!(come, [false; 3]);
+        assert_eq!(
+            [1, 3, 4].map(|number| is_copy(2, 9, number)),
+            [true, true, false]
+        );
+        // What the first connection still held.
+        assert!(is_copy(1, 9, 4));
+        // A letter that was refused may be missing.
+        assert!(!is_copy(2, 9, 6));
+        assert!(!is_copy(2, 8, 1));
+        for series in 100..5000 {
+            assert!(!is_copy(3, series, 1));
+        }
+        assert!(recent.series.len() <= MAX_REMEMBERED);
     }
 
     #[test]

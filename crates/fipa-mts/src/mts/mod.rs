@@ -1,5 +1,6 @@
 //! The message transport service. This module holds its state; its parts each hold one concern.
 
+mod ahead;
 mod backlog;
 mod call_backs;
 mod callers;
@@ -81,7 +82,7 @@ use self::tap::Tap;
 use crate::Urgency;
 use crate::machine::{
     ConnId, Connected, DialId, Ended, Machine, Notice, Output, PostFailure, PostId, REPLY_BY,
-    RegisterError, Registration, Submission,
+    RegisterError, Registration, Submission, TakenOver,
 };
 use crate::mailbox::Lately;
 use crate::{Config, Mailbox};
@@ -352,7 +353,7 @@ impl Machine for Mts {
         self.conns.get_mut(&conn)?.poll_transmit_on(lane)
     }
 
-    fn posted(&mut self, now: Now, post: PostId, result: Result<(), PostFailure>) {
+    fn posted(&mut self, now: Now, post: PostId, result: Result<TakenOver, PostFailure>) {
         self.post_answered(now, post, result);
     }
 

@@ -9,7 +9,8 @@
 //! ```
 //!
 //! The letters for one receiver are written one after the other; in which order the other side
-//! reads connections is its own affair.
+//! reads connections is its own affair. Over HTTP each waits for the answer to the one in front,
+//! but where a place says that it takes them [ahead](super::ahead).
 //!
 //! Nobody over there says what became of a letter: `sent` is all that can be known. A letter goes
 //! out whole at most once. It is tried again only while the system has not taken all of it: then
@@ -25,6 +26,7 @@ use fipa_codec::Dialect;
 use fipa_directory::{Address, Location, MESSAGE_TRANSPORT, Now, ParseAddressError};
 use fipa_link::Outcome;
 
+use super::ahead::Ahead;
 use super::dialects::{self, Foreign};
 use super::http::{Urls, urls_of};
 use super::{Mts, Numbered};
@@ -48,16 +50,19 @@ const TRIES: u32 = 2;
 #[derive(Debug)]
 pub(super) struct Post {
     /// The letters for each receiver; the first one is being tried.
-    boxes: ByText<Letterbox>,
-    attempts: Numbered<Attempt>,
+    pub(super) boxes: ByText<Letterbox>,
+    pub(super) attempts: Numbered<Attempt>,
     /// Attempts that wait for a free connection.
     queue: VecDeque<u64>,
     dials: HashMap<DialId, Trip>,
     conns: HashMap<ConnId, Trip>,
     /// Letters that are being posted over HTTP or handed to a plug-in, and where to.
-    posted: Numbered<(u64, Arc<Address>)>,
+    posted: Numbered<Posted>,
+    /// Those of them that have a connection of their own.
+    posted_alone: usize,
     /// Dials, posts and connections to each address.
-    busy: HashMap<Arc<Address>, usize, foldhash::fast::RandomState>,
+    pub(super) busy: HashMap<Arc<Address>, Busy, foldhash::fast::RandomState>,
+    pub(super) ahead: Ahead,
     /// Receivers whose first letter is to be tried.
     due: VecDeque<Text>,
     running: bool,
@@ -67,17 +72,35 @@ pub(super) struct Post {
 
 type ByText<T> = HashMap<Text, T, foldhash::fast::RandomState>;
 
+/// What is on its way to an address.
 #[derive(Debug, Default)]
-struct Letterbox {
-    waiting: VecDeque<u64>,
+pub(super) struct Busy {
+    /// Letters that nothing for the same receiver is in front of.
+    first: usize,
+    /// Letters that are posted behind others.
+    pub(super) behind: usize,
+}
+
+/// A letter that is being posted.
+#[derive(Debug)]
+struct Posted {
+    delivery: u64,
+    address: Arc<Address>,
+    in_series: bool,
+    is_behind: bool,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Letterbox {
+    pub(super) waiting: VecDeque<u64>,
     octets: usize,
 }
 
 /// How far a letter has got.
 #[derive(Debug, Default)]
-struct Attempt {
+pub(super) struct Attempt {
     /// Where it has not been tried yet; the first one is being tried.
-    places: VecDeque<(Arc<Address>, Dialect)>,
+    pub(super) places: VecDeque<(Arc<Address>, Dialect)>,
     tries: u32,
     /// Whether there is, or was, a place that could be tried.
     possible: bool,
@@ -87,6 +110,10 @@ struct Attempt {
     conn: Option<ConnId>,
     /// It is being posted over HTTP, or handed to a plug-in.
     posted: bool,
+    /// It is being posted so that others may follow.
+    pub(super) in_series: bool,
+    /// It came back, and waits until it is the first.
+    rests: bool,
 }
 
 /// A letter on its way to an address.
@@ -107,6 +134,8 @@ impl Post {
             dials: HashMap::new(),
             conns: HashMap::new(),
             posted: Numbered::default(),
+            posted_alone: 0,
+            ahead: Ahead::default(),
             busy: HashMap::default(),
             due: VecDeque::new(),
             running: false,
@@ -130,9 +159,9 @@ impl Post {
     fn next_to_dial(&mut self) -> Option<(u64, Arc<Address>, Dialect)> {
         let place = |id: &u64| self.attempts.get(id)?.places.front();
         let is_free = |(address, _): &(Arc<Address>, Dialect)| {
-            let busy = self.busy.get(address).copied().unwrap_or_default();
-            let all = self.dials.len() + self.conns.len() + self.posted.len();
-            busy < MAX_AN_ADDRESS && all < MAX_CONNECTIONS
+            let busy = self.busy.get(address).map_or(0, |busy| busy.first);
+            let all = self.dials.len() + self.conns.len() + self.posted_alone;
+            busy < MAX_AN_ADDRESS.max(self.ahead.at(address)) && all < MAX_CONNECTIONS
         };
         let mut queue = self.queue.iter();
         let at = queue.position(|id| place(id).is_some_and(is_free))?;
@@ -143,20 +172,43 @@ impl Post {
     }
 
     fn set_out(&mut self, dial: DialId, trip: Trip) {
-        *self.busy.entry(Arc::clone(&trip.address)).or_default() += 1;
+        self.busy_with(&trip.address).first += 1;
         if let Some(attempt) = self.attempts.get_mut(&trip.delivery) {
             attempt.possible = true;
         }
         self.dials.insert(dial, trip);
     }
 
-    pub(super) fn set_out_posted(&mut self, post: PostId, delivery: u64, address: Arc<Address>) {
-        *self.busy.entry(Arc::clone(&address)).or_default() += 1;
+    fn busy_with(&mut self, address: &Arc<Address>) -> &mut Busy {
+        self.busy.entry(Arc::clone(address)).or_default()
+    }
+
+    pub(super) fn set_out_posted(
+        &mut self,
+        post: PostId,
+        delivery: u64,
+        address: Arc<Address>,
+        in_series: bool,
+        is_behind: bool,
+    ) {
+        let busy = self.busy_with(&address);
+        match is_behind {
+            true => busy.behind += 1,
+            false => busy.first += 1,
+        }
+        self.posted_alone += usize::from(!in_series);
         if let Some(attempt) = self.attempts.get_mut(&delivery) {
             attempt.possible = true;
             attempt.posted = true;
+            attempt.in_series = in_series;
         }
-        self.posted.insert(post.0, (delivery, address));
+        let posted = Posted {
+            delivery,
+            address,
+            in_series,
+            is_behind,
+        };
+        self.posted.insert(post.0, posted);
     }
 
     /// Where a letter was tried, somebody said "no".
@@ -168,19 +220,24 @@ impl Post {
 
     /// A letter is not being posted any more.
     pub(super) fn come_back(&mut self, post: PostId) -> Option<(u64, Arc<Address>)> {
-        let (delivery, address) = self.posted.remove(&post.0)?;
-        if let Some(attempt) = self.attempts.get_mut(&delivery) {
+        let posted = self.posted.remove(&post.0)?;
+        self.posted_alone -= usize::from(!posted.in_series);
+        if let Some(attempt) = self.attempts.get_mut(&posted.delivery) {
             attempt.posted = false;
+            attempt.in_series = false;
         }
-        self.release(&address);
-        Some((delivery, address))
+        match posted.is_behind {
+            true => self.release(&posted.address, |busy| busy.behind -= 1),
+            false => self.release(&posted.address, |busy| busy.first -= 1),
+        }
+        Some((posted.delivery, posted.address))
     }
 
-    /// A connection to this address is over.
-    fn release(&mut self, address: &Address) {
+    /// Something is not on its way to this address any more.
+    fn release(&mut self, address: &Address, what: impl FnOnce(&mut Busy)) {
         if let Some(busy) = self.busy.get_mut(address) {
-            *busy -= 1;
-            if *busy == 0 {
+            what(busy);
+            if busy.first + busy.behind == 0 {
                 self.busy.remove(address);
             }
         }
@@ -207,7 +264,7 @@ impl Mts {
         }
         letterbox.waiting.push_back(id);
         letterbox.octets += octets;
-        if waiting == 0 {
+        if waiting == 0 || !self.post.ahead.is_told_by_nobody() {
             self.post.due.push_back(name);
             self.run_post(now);
         }
@@ -236,8 +293,11 @@ impl Mts {
             self.post.boxes.remove(name);
             return;
         };
-        if self.post.attempts.contains_key(&id) {
-            return;
+        if let Some(attempt) = self.post.attempts.get_mut(&id) {
+            return match std::mem::take(&mut attempt.rests) {
+                true => self.try_place(now, id),
+                false => self.begin_behind(now, name),
+            };
         }
         let foreign = self.deliveries.get(&id).and_then(|d| d.foreign.as_deref());
         let attempt = foreign.map(|foreign| self.attempt(foreign));
@@ -246,7 +306,7 @@ impl Mts {
     }
 
     /// Where a letter can go, in the order in which that is tried.
-    fn attempt(&self, foreign: &Foreign) -> Attempt {
+    pub(super) fn attempt(&self, foreign: &Foreign) -> Attempt {
         let name = &foreign.to.name;
         let mut attempt = Attempt::default();
         let note = |place, attempt: &mut Attempt| match place {
@@ -321,11 +381,15 @@ impl Mts {
 
     /// Tries the next place as soon as a connection is free; or there is none.
     fn try_place(&mut self, now: Now, id: u64) {
-        let Some(attempt) = self.post.attempts.get(&id) else {
+        let is_first = self.is_first(id);
+        let Some(attempt) = self.post.attempts.get_mut(&id) else {
             return;
         };
         if !attempt.places.is_empty() {
-            self.post.queue.push_back(id);
+            match is_first {
+                true => self.post.queue.push_back(id),
+                false => attempt.rests = true,
+            }
             return;
         }
         let outcome = match attempt.possible {
@@ -337,6 +401,13 @@ impl Mts {
             failures => failures.join("; "),
         };
         self.finish(now, id, outcome, Text::from(reason));
+    }
+
+    /// Whether no letter for the same receiver is in front.
+    pub(super) fn is_first(&self, id: u64) -> bool {
+        let foreign = self.deliveries.get(&id).and_then(|d| d.foreign.as_deref());
+        let letterbox = foreign.and_then(|foreign| self.post.boxes.get(&foreign.to.name));
+        letterbox.is_some_and(|letterbox| letterbox.waiting.front() == Some(&id))
     }
 
     /// Sets out with the first letter that a connection is free for, if there is any.
@@ -392,7 +463,8 @@ impl Mts {
         let parts = self.written_for(id, address, dialect)?;
         let deadline = self.deliveries.get(&id).map(|d| d.deadline);
         let post = PostId(self.id());
-        self.post.set_out_posted(post, id, Arc::clone(address));
+        self.post
+            .set_out_posted(post, id, Arc::clone(address), false, false);
         self.outputs.push_back(Output::Send(Box::new(SentLetter {
             post,
             address: Address::clone(address),
@@ -452,7 +524,7 @@ impl Mts {
             }
             _ => {
                 self.outputs.push_back(Output::Close(conn));
-                self.post.release(&trip.address);
+                self.post.release(&trip.address, |busy| busy.first -= 1);
                 self.run_post(now);
             }
         }
@@ -460,7 +532,7 @@ impl Mts {
 
     pub(super) fn post_dial_failed(&mut self, now: Now, dial: DialId, reason: &str) {
         if let Some(trip) = self.post.dials.remove(&dial) {
-            self.post.release(&trip.address);
+            self.post.release(&trip.address, |busy| busy.first -= 1);
             self.place_failed(now, trip.delivery, reason.to_owned());
             self.run_post(now);
         }
@@ -471,7 +543,7 @@ impl Mts {
         let Some(trip) = self.post.conns.remove(&conn) else {
             return;
         };
-        self.post.release(&trip.address);
+        self.post.release(&trip.address, |busy| busy.first -= 1);
         let Trip {
             delivery, address, ..
         } = trip;
@@ -529,14 +601,17 @@ impl Mts {
     pub(super) fn post_ended(&mut self, now: Now, id: u64, foreign: &Foreign, octets: usize) {
         let name = &foreign.to.name;
         if let Some(letterbox) = self.post.boxes.get_mut(name) {
-            let before = letterbox.waiting.len();
-            letterbox.waiting.retain(|waiting| *waiting != id);
-            if letterbox.waiting.len() < before {
+            // It is the first one, as a rule.
+            let mut waiting = letterbox.waiting.iter();
+            if let Some(at) = waiting.position(|waiting| *waiting == id) {
+                letterbox.waiting.remove(at);
                 letterbox.octets -= octets;
             }
         }
         if let Some(attempt) = self.post.attempts.remove(&id) {
-            self.post.queue.retain(|waiting| *waiting != id);
+            if !attempt.posted {
+                self.post.queue.retain(|waiting| *waiting != id);
+            }
             if let Some(conn) = attempt.conn {
                 self.outputs.push_back(Output::Abort(conn));
             }

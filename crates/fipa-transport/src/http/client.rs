@@ -1,51 +1,33 @@
-use std::io::{self, IoSlice, Write};
-use std::sync::{Mutex, PoisonError};
+use std::io::{self, IoSlice};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use bytes::BytesMut;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
+use tokio::runtime::Handle;
 use tokio::time::{Instant, timeout_at};
 
-use super::multipart::{Boundary, Multipart};
+use super::multipart::Boundary;
+use super::request::{HttpLetter, Request};
 use super::response::{self, Progress, ResponseHead};
+use super::series::{self, AllSeries};
 
 /// How long a connection may take to open.
 const CONNECT: Duration = Duration::from_secs(3);
 
 /// How long an idle connection is kept. JADE closes it after 60 s.
-const IDLE: Duration = Duration::from_secs(45);
+pub(super) const IDLE: Duration = Duration::from_secs(45);
 
 /// Idle connections to one place, and to all places, at most. JADE keeps ten open.
 const MAX_IDLE_A_PLACE: usize = 8;
 const MAX_IDLE: usize = 256;
 
 /// Octets of the rest of a body that are waited for, so that the connection can be used again.
-const MAX_BODY: u64 = 64 << 10;
-
-/// Octets of a payload that is copied to what stands around it; a larger one is written from where
-/// it is.
-const MAX_COPIED: usize = 16 << 10;
+pub(super) const MAX_BODY: u64 = 64 << 10;
 
 /// Octets of an ordinary answer's head.
 const ANSWER: usize = 512;
-
-/// A letter to be posted.
-#[derive(Clone, Copy, Debug)]
-pub struct HttpLetter<'a> {
-    /// The name or IP address of the host, without brackets.
-    pub host: &'a str,
-    /// Its port.
-    pub port: u16,
-    /// The path, with its slash.
-    pub path: &'a str,
-    /// The envelope in XML.
-    pub envelope: &'a [u8],
-    /// The payload.
-    pub payload: &'a [u8],
-    /// The media type of the payload.
-    pub payload_type: &'a str,
-}
 
 /// Why a letter was not taken over.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -67,9 +49,19 @@ pub enum PostError {
     },
 }
 
-/// Posts letters, one at a time on each connection, and keeps connections for the next ones.
+/// What is known once a letter was taken over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TakenOver {
+    /// Letters that may be on their way to the place at once, if they have numbers; 0 where each
+    /// waits for the answer to the one in front.
+    pub ahead: usize,
+}
+
+/// Posts letters, one at a time on each connection, and keeps connections for the next ones; to
+/// servers that allow it, without waiting for answers.
 #[derive(Debug)]
 pub struct HttpClient {
+    all_series: Arc<AllSeries>,
     /// The connections that are kept, those that were used longest ago first.
     idle: Mutex<Vec<Idle>>,
     boundary: Boundary,
@@ -108,6 +100,7 @@ impl HttpClient {
     /// A client without connections.
     pub fn new() -> HttpClient {
         HttpClient {
+            all_series: Arc::default(),
             idle: Mutex::default(),
             boundary: Boundary::random(&mut fastrand::Rng::new()),
         }
@@ -117,9 +110,13 @@ impl HttpClient {
     ///
     /// A connection that was kept and ends without an answer says nothing about the letter: it is
     /// posted again, over a new one. The other side may so have it twice.
-    pub async fn post(&self, letter: HttpLetter<'_>, timeout: Duration) -> Result<(), PostError> {
+    pub async fn post(
+        &self,
+        letter: HttpLetter<'_>,
+        timeout: Duration,
+    ) -> Result<TakenOver, PostError> {
         let deadline = Instant::now() + timeout;
-        let request = Request::of(&letter, &self.boundary);
+        let request = Request::of(&letter, &self.boundary, None);
         if let Some(mut kept) = self.take_idle(&letter) {
             match exchange(&mut kept.stream, &request, deadline).await {
                 Err(Failed::Unwritten(e) | Failed::Silent(e))
@@ -131,7 +128,7 @@ impl HttpClient {
                 result => return self.conclude(kept, result),
             }
         }
-        let stream = connect(&letter, deadline)
+        let stream = connect(letter.host, letter.port, deadline)
             .await
             .map_err(|error| PostError::Unreached(error.to_string()))?;
         let mut opened = Idle {
@@ -144,11 +141,37 @@ impl HttpClient {
         self.conclude(opened, result)
     }
 
+    /// Posts a letter behind those that were posted so to the same place before, without waiting
+    /// for the answers to them, and tells what became of it. Nothing is told once the client is
+    /// dropped.
+    ///
+    /// Wherever a connection ends, those that were not answered are posted again over a new one,
+    /// in their order: the server knows them by their numbers. A server that does not know numbers
+    /// gets the next letter only when it has answered.
+    pub fn post_in_series(
+        &self,
+        letter: HttpLetter<'_>,
+        timeout: Duration,
+        runtime: &Handle,
+        tell: impl FnOnce(Result<TakenOver, PostError>) + Send + 'static,
+    ) {
+        let deadline = Instant::now() + timeout;
+        let place = (letter.host.to_owned(), letter.port);
+        let request = |number| {
+            let request = Request::of(&letter, &self.boundary, Some(number));
+            match request.payload.is_empty() {
+                true => request.head,
+                false => [&request.head, request.payload, &request.tail].concat(),
+            }
+        };
+        series::enter(&self.all_series, place, deadline, request, tell, runtime);
+    }
+
     fn conclude(
         &self,
         used: Idle,
         result: Result<(ResponseHead, bool), Failed>,
-    ) -> Result<(), PostError> {
+    ) -> Result<TakenOver, PostError> {
         let (head, reusable) = match result {
             Ok(answer) => answer,
             Err(Failed::Unwritten(error)) => return Err(PostError::Unreached(error.to_string())),
@@ -162,13 +185,7 @@ impl HttpClient {
         if reusable {
             self.keep(used);
         }
-        match head.status {
-            200 => Ok(()),
-            status => Err(PostError::Refused {
-                status,
-                reason: head.reason,
-            }),
-        }
+        head.into_answer()
     }
 
     /// A connection to this place that is still open, that which was used last. What is left of an
@@ -202,72 +219,6 @@ impl HttpClient {
     }
 }
 
-/// A request, in parts that are written at once.
-struct Request<'a> {
-    head: Vec<u8>,
-    /// Empty where it stands in the head.
-    payload: &'a [u8],
-    tail: Vec<u8>,
-}
-
-impl<'a> Request<'a> {
-    fn of(letter: &HttpLetter<'a>, boundary: &Boundary) -> Request<'a> {
-        let HttpLetter {
-            envelope, payload, ..
-        } = *letter;
-        let body = Multipart::new(boundary, envelope, payload, letter.payload_type);
-        let (is_copied, length) = (payload.len() <= MAX_COPIED, body.len());
-        let written = if is_copied {
-            length
-        } else {
-            length - payload.len()
-        };
-        let mut head = Vec::with_capacity(HEAD + written);
-        head.extend_from_slice(b"POST http://");
-        write_host(letter, &mut head);
-        head.extend_from_slice(letter.path.as_bytes());
-        // These fields in this order, each with one blank: JADE reads no others.
-        head.extend_from_slice(
-            b" HTTP/1.1\r\nCache-Control: no-cache\r\nMime-Version: 1.0\r\nHost: ",
-        );
-        write_host(letter, &mut head);
-        head.extend_from_slice(b"\r\nContent-Type: multipart/mixed ; boundary=\"");
-        head.extend_from_slice(body.boundary.as_str().as_bytes());
-        head.extend_from_slice(b"\"\r\nContent-Length: ");
-        // Writing to memory does not fail.
-        let _ = write!(head, "{length}");
-        head.extend_from_slice(b"\r\nConnection: Keep-Alive\r\n\r\n");
-        body.write_head(&mut head);
-        if is_copied {
-            head.extend_from_slice(payload);
-            body.write_tail(&mut head);
-            return Request {
-                head,
-                payload: &[],
-                tail: Vec::new(),
-            };
-        }
-        let mut tail = Vec::new();
-        body.write_tail(&mut tail);
-        Request {
-            head,
-            payload,
-            tail,
-        }
-    }
-}
-
-/// Octets of the head of a request, more or less.
-const HEAD: usize = 512;
-
-fn write_host(letter: &HttpLetter<'_>, head: &mut Vec<u8>) {
-    // Writing to memory does not fail.
-    let _ = match letter.host.contains(':') {
-        true => write!(head, "[{}]:{}", letter.host, letter.port),
-        false => write!(head, "{}:{}", letter.host, letter.port),
-    };
-}
-
 /// Whether nothing says that the connection has ended.
 fn is_open(stream: &TcpStream) -> bool {
     let mut junk = [0; 1024];
@@ -280,10 +231,10 @@ fn is_open(stream: &TcpStream) -> bool {
     }
 }
 
-async fn connect(letter: &HttpLetter<'_>, deadline: Instant) -> io::Result<TcpStream> {
+pub(super) async fn connect(host: &str, port: u16, deadline: Instant) -> io::Result<TcpStream> {
     let attempt = async {
         let mut last = io::Error::other("the host name has no address");
-        for address in tokio::net::lookup_host((letter.host, letter.port)).await? {
+        for address in tokio::net::lookup_host((host, port)).await? {
             match TcpStream::connect(address).await {
                 Ok(stream) => {
                     stream.set_nodelay(true)?;

@@ -1,5 +1,8 @@
 //! The head of an answer, as JADE and others write it.
 
+use super::client::{PostError, TakenOver};
+use super::request::AHEAD;
+
 /// Octets in front of a status line that are skipped: what is left of the body of the answer
 /// before, whose length nobody was told.
 const MAX_JUNK: usize = 64 << 10;
@@ -19,6 +22,21 @@ pub(super) struct ResponseHead {
     pub(super) body: Option<u64>,
     /// Whether the next request may go over the same connection.
     pub(super) keeps_alive: bool,
+    /// Requests that may be on their way over the connection, if they have numbers.
+    pub(super) ahead: usize,
+}
+
+impl ResponseHead {
+    /// Only 200 says that a letter was taken over.
+    pub(super) fn into_answer(self) -> Result<TakenOver, PostError> {
+        match self.status {
+            200 => Ok(TakenOver { ahead: self.ahead }),
+            status => Err(PostError::Refused {
+                status,
+                reason: self.reason,
+            }),
+        }
+    }
 }
 
 /// What is to be done with the octets that have come.
@@ -77,6 +95,7 @@ fn head(response: &httparse::Response<'_, '_>) -> Option<ResponseHead> {
     let status = response.code?;
     let mut body = None;
     let mut keeps_alive = true;
+    let mut ahead = 0;
     for field in response.headers.iter() {
         let value = || String::from_utf8_lossy(field.value);
         if field.name.eq_ignore_ascii_case("content-length") {
@@ -87,6 +106,8 @@ fn head(response: &httparse::Response<'_, '_>) -> Option<ResponseHead> {
         } else if field.name.eq_ignore_ascii_case("connection") {
             let closes = |word: &str| word.trim().eq_ignore_ascii_case("close");
             keeps_alive &= !value().split(',').any(closes);
+        } else if field.name.eq_ignore_ascii_case(AHEAD) {
+            ahead = value().trim().parse().unwrap_or_default();
         }
     }
     if matches!(status, 100..=199 | 204 | 304) {
@@ -97,6 +118,7 @@ fn head(response: &httparse::Response<'_, '_>) -> Option<ResponseHead> {
         reason: response.reason.unwrap_or_default().to_owned(),
         body,
         keeps_alive,
+        ahead,
     })
 }
 

@@ -8,7 +8,9 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use http_body_util::{BodyExt, Full};
 use hyper::body::Incoming;
-use hyper::header::{ALLOW, CONNECTION, CONTENT_LENGTH, CONTENT_TYPE, HeaderMap, HeaderValue};
+use hyper::header::{
+    ALLOW, CONNECTION, CONTENT_LENGTH, CONTENT_TYPE, HeaderMap, HeaderName, HeaderValue,
+};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
@@ -19,6 +21,11 @@ use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout_at};
 
 use super::multipart;
+use super::request::{AHEAD, LetterNumber, NUMBER};
+use super::series::MAX_AHEAD;
+
+const NUMBER_FIELD: HeaderName = HeaderName::from_static(NUMBER);
+const AHEAD_FIELD: HeaderName = HeaderName::from_static(AHEAD);
 
 /// Where JADE's tools look for the description of a platform.
 const DESCRIPTION: &str = "/APDescription.txt";
@@ -66,6 +73,8 @@ pub struct Posted {
     pub connection: u64,
     /// How many requests came over the connection before.
     pub earlier: u64,
+    /// Its number, if others were posted behind it before it is answered.
+    pub number: Option<LetterNumber>,
 }
 
 /// Why a letter is not taken over.
@@ -175,6 +184,8 @@ struct Serving<R> {
 struct Answer {
     status: StatusCode,
     text: Bytes,
+    /// Whether the next request can be read.
+    goes_on: bool,
 }
 
 impl Answer {
@@ -182,7 +193,20 @@ impl Answer {
     /// the next status line.
     fn because(status: StatusCode, why: impl std::fmt::Display) -> Answer {
         let text = Bytes::from(format!("{why}\r\n"));
-        Answer { status, text }
+        Answer {
+            status,
+            text,
+            // What is left of a request that was not taken is not read.
+            goes_on: false,
+        }
+    }
+
+    fn fine(text: Bytes) -> Answer {
+        Answer {
+            status: StatusCode::OK,
+            text,
+            goes_on: true,
+        }
     }
 }
 
@@ -214,12 +238,10 @@ impl<R: HttpReceiver> Serving<R> {
     ) -> Response<Full<Bytes>> {
         let earlier = connection.requests.fetch_add(1, Ordering::Relaxed) as u64;
         let closes = wants_close(request.headers());
+        let is_post = request.method() == Method::POST;
         let answer = match *request.method() {
             Method::POST => match self.letter(request, connection, earlier).await {
-                Ok(()) => Answer {
-                    status: StatusCode::OK,
-                    text: Bytes::new(),
-                },
+                Ok(()) => Answer::fine(Bytes::new()),
                 Err(answer) => answer,
             },
             Method::GET => self.description(request.uri().path(), connection.remote),
@@ -232,13 +254,15 @@ impl<R: HttpReceiver> Serving<R> {
         let mut response = Response::new(Full::new(answer.text));
         *response.status_mut() = answer.status;
         let headers = response.headers_mut();
-        let is_fine = answer.status == StatusCode::OK;
-        // What is left of a request that was not taken is not read.
-        let connection = match closes || !is_fine {
-            true => "close",
-            false => "Keep-Alive",
+        let goes_on = answer.goes_on && !closes;
+        let connection = match goes_on {
+            true => "Keep-Alive",
+            false => "close",
         };
         headers.insert(CONNECTION, HeaderValue::from_static(connection));
+        if is_post && goes_on {
+            headers.insert(AHEAD_FIELD, HeaderValue::from(MAX_AHEAD));
+        }
         if has_text {
             let text = HeaderValue::from_static("text/plain; charset=utf-8");
             response.headers_mut().insert(CONTENT_TYPE, text);
@@ -252,10 +276,7 @@ impl<R: HttpReceiver> Serving<R> {
 
     fn description(&self, path: &str, remote: SocketAddr) -> Answer {
         if path == "/" || path == DESCRIPTION || path == self.path {
-            return Answer {
-                status: StatusCode::OK,
-                text: self.receiver.description(remote),
-            };
+            return Answer::fine(self.receiver.description(remote));
         }
         Answer::because(StatusCode::NOT_FOUND, "there is nothing here")
     }
@@ -268,6 +289,8 @@ impl<R: HttpReceiver> Serving<R> {
     ) -> Result<(), Answer> {
         let malformed = |why: &dyn std::fmt::Display| Answer::because(StatusCode::BAD_REQUEST, why);
         let (head, incoming) = request.into_parts();
+        let number = head.headers.get(NUMBER_FIELD);
+        let number = number.and_then(|value| value.to_str().ok()?.parse().ok());
         let content_type = head.headers.get(CONTENT_TYPE);
         let content_type = content_type.and_then(|value| value.to_str().ok());
         let boundary =
@@ -285,15 +308,19 @@ impl<R: HttpReceiver> Serving<R> {
             remote: connection.remote,
             connection: connection.number,
             earlier,
+            number,
         };
-        self.receiver
-            .letter(posted)
-            .map_err(|refusal| match refusal {
+        let refused = |refusal| Answer {
+            // Whoever posts others behind a letter does not lose them by its fault.
+            goes_on: number.is_some(),
+            ..match refusal {
                 HttpRefusal::Malformed(why) => malformed(&why),
                 HttpRefusal::Overloaded(why) => {
                     Answer::because(StatusCode::SERVICE_UNAVAILABLE, why)
                 }
-            })
+            }
+        };
+        self.receiver.letter(posted).map_err(refused)
     }
 
     /// Reads a body. What is held of it is no more than what has come.
