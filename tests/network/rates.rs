@@ -50,10 +50,10 @@ const PING: usize = 100;
 const SMALL: usize = 256;
 const LARGE: usize = 64 << 10;
 
-/// Small and large letters that are under way at once: as many small ones as one agent may have.
-/// Where each letter waits for the answer to the one before, more would only wait.
+/// Small and large letters that are under way at once: as many small ones as one agent may have,
+/// or as may be posted before the first one is answered.
 const WINDOWS: (usize, usize) = (1024, 64);
-const POSTED_WINDOWS: (usize, usize) = (16, 4);
+const POSTED_WINDOWS: (usize, usize) = (64, 16);
 
 /// What one transport gave over one radio.
 #[derive(Default)]

@@ -498,7 +498,7 @@ fn nothing_follows_a_letter_that_is_posted_alone_or_is_large() {
         (numbers(std::slice::from_ref(&b)), b.in_series),
         (vec![1], true)
     );
-    let large = numbered("b@platB", 3).ontology("x".repeat(70_000));
+    let large = numbered("b@platB", 3).ontology("x".repeat(140_000));
     service.send(large);
     service.send(numbered("b@platB", 4));
     assert!(service.posts().is_empty());

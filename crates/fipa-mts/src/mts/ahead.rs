@@ -14,7 +14,7 @@ use super::Mts;
 
 /// Octets of the largest letter that has others behind or in front of it; what is larger would keep
 /// those for other receivers waiting.
-pub(super) const MAX_LETTER: usize = 64 << 10;
+pub(super) const MAX_LETTER: usize = 128 << 10;
 
 /// Octets of the letters for one receiver that are not answered.
 const MAX_OCTETS: usize = 1 << 20;
