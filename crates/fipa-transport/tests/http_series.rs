@@ -35,6 +35,17 @@ impl Sender {
         }
     }
 
+    fn letter<'a>(&self, payload: &'a str) -> HttpLetter<'a> {
+        HttpLetter {
+            host: "127.0.0.1",
+            port: self.port,
+            path: "/acc",
+            envelope: b"<envelope/>",
+            payload: payload.as_bytes(),
+            payload_type: "application/text",
+        }
+    }
+
     fn post(&self, payload: &str) -> oneshot::Receiver<Result<TakenOver, PostError>> {
         self.post_within(payload, PATIENCE)
     }
@@ -44,14 +55,7 @@ impl Sender {
         payload: &str,
         timeout: Duration,
     ) -> oneshot::Receiver<Result<TakenOver, PostError>> {
-        let letter = HttpLetter {
-            host: "127.0.0.1",
-            port: self.port,
-            path: "/acc",
-            envelope: b"<envelope/>",
-            payload: payload.as_bytes(),
-            payload_type: "application/text",
-        };
+        let letter = self.letter(payload);
         let (tell, told) = oneshot::channel();
         let tell = |answer| tell.send(answer).unwrap();
         self.client
@@ -156,6 +160,24 @@ async fn the_first_letter_is_alone_until_its_answer_lets_others_follow() {
             (come[0].0.series, at as u64 + 1)
         );
     }
+}
+
+#[tokio::test]
+async fn a_series_begins_on_a_connection_that_is_open_already() {
+    let (listener, sender) = listener().await;
+    let serving = tokio::spawn(async move {
+        let mut connection = Connection::accept(&listener).await;
+        let mut letter = [0; 1024];
+        assert_ne!(connection.stream.read(&mut letter).await.unwrap(), 0);
+        connection.answer(EIGHT).await;
+        assert_eq!(connection.request().await.1, "b");
+        connection.answer(EIGHT).await;
+    });
+    let first = sender.letter("a");
+    let taken = sender.client.post(first, PATIENCE).await;
+    assert_eq!(taken, Ok(TakenOver { ahead: 8 }));
+    assert!(sender.post("b").await.unwrap().is_ok());
+    serving.await.unwrap();
 }
 
 #[tokio::test]

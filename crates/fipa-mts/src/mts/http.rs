@@ -89,9 +89,6 @@ pub(super) struct Recent {
 impl Recent {
     /// Notes a letter. Whether it was taken in before.
     fn is_copy(&mut self, now: Now, arrived: &Arrived) -> bool {
-        if let Some(number) = arrived.number {
-            return self.is_numbered_copy(now, number);
-        }
         let (connection, at) = (arrived.connection, now.mono);
         while self.last.len() >= MAX_REMEMBERED
             || self
@@ -101,7 +98,7 @@ impl Recent {
         {
             self.forget(0);
         }
-        if arrived.earlier == 0 {
+        if arrived.earlier == 0 && arrived.number.is_none() {
             let mut hash = None;
             let is_same = |last: &Last| last.letter.is(arrived, &mut hash);
             let known = self.last.iter().position(is_same);
@@ -113,6 +110,9 @@ impl Recent {
             .position(|last| last.connection == connection);
         if let Some(before) = before {
             self.forget(before);
+        }
+        if let Some(number) = arrived.number {
+            return self.is_numbered_copy(now, number);
         }
         let octets = arrived.envelope.len() + arrived.payload.len();
         let letter = match self.octets + octets > MAX_KEPT {
@@ -350,6 +350,18 @@ mod tests {
             assert!(!is_copy(3, series, 1));
         }
         assert!(recent.series.len() <= MAX_REMEMBERED);
+    }
+
+    #[test]
+    fn what_a_letter_of_a_series_came_behind_was_answered_and_does_not_come_again() {
+        let (mut recent, now) = (Recent::default(), Now::default());
+        assert!(!recent.is_copy(now, &arrived(1, 1, "a")));
+        let numbered = Arrived {
+            number: Some((9, 1)),
+            ..arrived(1, 2, "b")
+        };
+        assert!(!recent.is_copy(now, &numbered));
+        assert!(!recent.is_copy(now, &arrived(2, 0, "a")));
     }
 
     #[test]

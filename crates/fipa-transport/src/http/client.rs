@@ -164,7 +164,9 @@ impl HttpClient {
                 false => [&request.head, request.payload, &request.tail].concat(),
             }
         };
-        series::enter(&self.all_series, place, deadline, request, tell, runtime);
+        let open = || self.take_idle(&letter).map(|kept| kept.stream);
+        let series = &self.all_series;
+        series::enter(series, place, open, deadline, request, tell, runtime);
     }
 
     fn conclude(

@@ -87,6 +87,8 @@ struct Series {
     all: Weak<AllSeries>,
     letters: mpsc::UnboundedReceiver<Posting>,
     unanswered: VecDeque<Posting>,
+    /// A connection for the first ones.
+    open: Option<TcpStream>,
     /// Connections that ended since the last answer.
     lost: u32,
 }
@@ -105,7 +107,11 @@ impl Series {
                 continue;
             };
             let (host, port) = &self.place;
-            let end = match connect(host, *port, first.deadline).await {
+            let opened = match self.open.take() {
+                Some(open) => Ok(open),
+                None => connect(host, *port, first.deadline).await,
+            };
+            let end = match opened {
                 Ok(stream) => self.post_over(stream).await,
                 Err(error) => {
                     self.fail_all(&error.to_string());
@@ -295,23 +301,26 @@ impl Reading {
     }
 }
 
-/// Takes a letter into the series of its place, which is begun if there is none.
+/// Takes a letter into the series of its place, which is begun if there is none, with a connection
+/// that is open already, if there is one.
 pub(super) fn enter(
     all: &Arc<AllSeries>,
     place: (String, u16),
+    open: impl FnOnce() -> Option<TcpStream>,
     deadline: Instant,
     request: impl FnOnce(LetterNumber) -> Vec<u8>,
     tell: impl FnOnce(Answer) + Send + 'static,
     runtime: &Handle,
 ) {
-    let mut open = all.lock().unwrap_or_else(PoisonError::into_inner);
-    let numbering = open.entry(place.clone()).or_insert_with(|| {
+    let mut begun = all.lock().unwrap_or_else(PoisonError::into_inner);
+    let numbering = begun.entry(place.clone()).or_insert_with(|| {
         let (letters, coming) = mpsc::unbounded_channel();
         let series = Series {
             place,
             all: Arc::downgrade(all),
             letters: coming,
             unanswered: VecDeque::new(),
+            open: open(),
             lost: 0,
         };
         // It leaves the table only under this lock, so not before this letter is in.
